@@ -35,6 +35,9 @@ FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 # Folders of ROS packages that contain the meshes of robots' descriptions.
 FLEET_MESHES = _env.folders("FLEET_MESHES", otherwise="ROS_PACKAGE_PATH")
 FLEET_LICHTBLICK = environment.lichtblick(_env)
+FLEET_RECORDINGS = environment.recordings(_env, FLEET_VAR / "recordings")
+FLEET_RECORDINGS_BYTES = _env.gigabytes("FLEET_RECORDINGS_GB", 20.0)
+FLEET_RECORDINGS_FREE_BYTES = _env.gigabytes("FLEET_RECORDINGS_FREE_GB", 2.0)
 
 FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control ends unless renewed
 

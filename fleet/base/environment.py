@@ -90,6 +90,17 @@ class Environment:
             )
         return int(value)
 
+    def gigabytes(self, name: str, default: float) -> int:
+        """Return a size in bytes, given in gigabytes."""
+        value = self.text(name)
+        try:
+            gigabytes = default if value is None else float(value)
+        except ValueError:
+            gigabytes = float("nan")
+        if not 0.0 < gigabytes < 1e6:
+            raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of gigabytes, above 0.")
+        return int(gigabytes * 1e9)
+
     def folders(self, name: str, otherwise: str) -> list[Path]:
         """Return absolute folders, separated by colons, from this variable or else from `otherwise`."""
         named = self.text(name) or self.text(otherwise) or ""
@@ -207,6 +218,21 @@ def lichtblick(env: Environment) -> Path | None:
         raise ImproperlyConfigured(
             f"FLEET_LICHTBLICK: {folder} is no build of Lichtblick. Name the folder that holds its index.html and "
             "main….js: of the source, web/.webpack after a build; of its container image, /src."
+        )
+    return folder
+
+
+def recordings(env: Environment, default: Path) -> Path | None:
+    """Return `FLEET_RECORDINGS`: the folder of recordings on this computer; None: it keeps none."""
+    value = env.text("FLEET_RECORDINGS")
+    if value is None:
+        return default
+    if value.lower() in FALSE:
+        return None
+    folder = Path(value).expanduser()
+    if not folder.is_absolute():
+        raise ImproperlyConfigured(
+            f"FLEET_RECORDINGS is {value!r}; it is an absolute folder, or off. Its parent must exist."
         )
     return folder
 

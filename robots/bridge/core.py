@@ -9,13 +9,14 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 from uuid import UUID
 
 from robots.bridge import state_view
 from robots.bridge.audit.records import Records, Requester, unrecorded
 from robots.bridge.drive.drive_input import DriveInput
-from robots.bridge.drive.drive_log import WAITING, DriveLog
+from robots.bridge.drive.drive_log import WAITING, DriveLog, Held
 from robots.bridge.drive.holder_inputs import HolderInputs
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.gate.gate import Gate
@@ -62,7 +63,8 @@ class Core:
 
     `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called
     after each scan, to send a fresh view. `on_news` is called after each sensor message while somebody has
-    control: `prepare` then does the gate's work before the next command needs it.
+    control: `prepare` then does the gate's work before the next command needs it. `recorded` returns the fields of
+    `wire.State` about recordings.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Core:
         stops_before: int = 0,
         on_scan: Callable[[], None] = lambda: None,
         on_news: Callable[[], None] = lambda: None,
+        recorded: Callable[[], Mapping[str, Any]] = lambda: {},
     ) -> None:
         self.config = config
         self.lease = LeaseGuard(saved.fence)
@@ -89,6 +92,7 @@ class Core:
         self._records = records
         self._drives = drives
         self._announce = announce
+        self._recorded = recorded
         self._on_scan = on_scan
         self._on_news = on_news
         self._inputs = HolderInputs(config)
@@ -166,6 +170,16 @@ class Core:
         if self.lease.current:
             reason = say("the server lost its link to the robot")
             self.pause(self.lease.current.fence, reason, link, now_s, "link_lost")
+
+    @property
+    def held(self) -> Held | None:
+        """The gate's intervention in progress."""
+        return self._drives.held
+
+    @property
+    def verdict(self) -> wire.Verdict:
+        """The gate's answer to the last command."""
+        return state_view.verdict(self._verdict, ())
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
@@ -452,6 +466,7 @@ class Core:
             **self.reports.state(now_s),
             **state_view.gate_state(self._gate, now_s),
             **self.tasks.state(now_s),
+            **self._recorded(),
         )
 
     # --- rules for tasks (tasks.Rules) ------------------------------------------------------------

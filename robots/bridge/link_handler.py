@@ -11,10 +11,12 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from uuid import UUID
 
 from robots.bridge.core import Core
 from robots.bridge.lease.lease_orders import LeaseOrders
+from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.served.client import ProcessClient
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
@@ -38,9 +40,6 @@ _FLOOD = wire.Refusal(
     "wire",
     {"limit_per_s": DRIVES_PER_S},
 )
-NO_RECORDINGS = wire.Refusal(
-    "no_recordings", "Recordings are switched off on the computer of this robot’s bridge.", "robot"
-)
 _FAULT = wire.Refusal(
     "bridge_fault",
     "An error occurred in the bridge (see its log). It is unknown whether the request was carried out.",
@@ -57,12 +56,14 @@ class LinkHandler:
         lease_orders: LeaseOrders,
         inspector: InspectorClient,
         served: Mapping[wire.ProcessName, ProcessClient],
+        recorder: RecorderClient,
     ) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
         self._lease_orders = lease_orders
         self._inspector = inspector
         self._served = served
+        self._recorder = recorder
         self._drives: dict[Link, TokenBucket] = {}
         # time of the last answer, by kind and code
         self._refused: dict[Link, dict[tuple[str, str], float]] = {}
@@ -136,8 +137,12 @@ class LinkHandler:
                 self._inspector.set_subscriptions(link, topics)
             case wire.LinkProcess(process=name, wanted=wanted):
                 self._served[name].set_wanted(link, wanted)
-            case wire.LinkRecord() | wire.LinkRecordEnd() | wire.LinkKeep():
-                self._answer(link, message, NO_RECORDINGS)
+            case wire.LinkRecord():
+                self._recorder.record(message, partial(self._answer, link, message), now_s)
+            case wire.LinkRecordEnd(recording=recording):
+                self._answer(link, message, self._recorder.end(recording))
+            case wire.LinkKeep():
+                self._answer(link, message, self._recorder.keep(message))
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by, now_s))
             case order if isinstance(order, wire.TaskRequest):
@@ -148,6 +153,7 @@ class LinkHandler:
         if spent := self._drives[link].spend(now_s):
             refusal = self._core.drive(drive, link.number, now_s)
             self._core.decisions.add(time.monotonic() - now_s)
+            self._recorder.command(drive, refusal, self._core)
         else:
             refusal = _FLOOD
             self._core.refused[refusal.code] += 1
@@ -212,6 +218,7 @@ class LinkHandler:
             link.report(wire.Accepted(kind, order.seq, fence))
         else:
             self._core.refused[refusal.code] += 1
+            self._recorder.refused(refusal, kind)
             link.report(wire.Refused(kind, refusal, order.seq, fence))
 
     def _stop(self, link: Link, stop: wire.LinkStop, now_s: float) -> None:

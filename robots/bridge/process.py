@@ -26,6 +26,7 @@ from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
+from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.served.client import CAMERA, TAP, ProcessClient
@@ -77,6 +78,7 @@ class Bridge:
             config, lambda: self._core.tasks.publications.inspector_ended(time.monotonic())
         )
         self._served = {served.name: ProcessClient(config, served) for served in (CAMERA, TAP)}
+        self._recorder = RecorderClient(config, self._records)
         self._core = Core(
             config,
             self._base,
@@ -89,6 +91,7 @@ class Bridge:
             stops_before,
             on_scan=lambda: self._soon(self._view_scan),
             on_news=lambda: self._soon(self._prepare),
+            recorded=self._recorder.state,
         )
         self._core.latch.ignore(presses)
         self._maps = MapFetcher(
@@ -97,7 +100,7 @@ class Bridge:
             gone=lambda why: self._core.tasks.navigation.unmapped(why, time.monotonic()),
         )
         self._lease_orders = LeaseOrders(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
-        handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._served)
+        handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._served, self._recorder)
         self._links = LinkServer(
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
@@ -127,6 +130,7 @@ class Bridge:
         self._base.start(loop, self._core, self._after_commands, self._node_lost)
         self._garbage = Garbage()
         ask_for_priority()
+        leftovers = loop.create_task(self._recorder.begin())
         try:
             await self._tick_until_ended()
         finally:
@@ -136,9 +140,11 @@ class Bridge:
             self._links.shut()  # nobody may drive while the bridge ends
             self._leave_at_zero(time.monotonic())
             self._watchdog.close()
+            leftovers.cancel()
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
+                self._recorder.close(),
                 *(process.close() for process in self._served.values()),
                 asyncio.to_thread(self._records.close),  # then no record calls the loop any more
             )
@@ -214,6 +220,7 @@ class Bridge:
             self._core.tasks.navigation.driving_requester is not None,
             self._core.tasks.navigation.map_run,
         )
+        self._recorder.tick(grant, now_s)
         self._soon(self._show)
         self._soon(self._collect)
 
@@ -265,7 +272,9 @@ class Bridge:
         news = (*self._core.headline(now_s), *watchers, more)
         if news != self._last_news or now_s - self._reported_s >= _STATUS_S:
             self._last_news, self._reported_s = news, now_s
-            self._announce(wire.Status(self._core.state(now_s, watchers, more)))
+            state = self._core.state(now_s, watchers, more)
+            self._announce(wire.Status(state))
+            self._recorder.observe(state, self._core.held, now_s)
 
     def _show_path(self, now_s: float) -> None:
         """Send navigation's path to all links when it has changed."""
@@ -278,15 +287,20 @@ class Bridge:
         """Send a view to links with watchers, unless the last one is younger than `gap_s`."""
         now_s = time.monotonic()
         looked_at = [link for link in self._links.links if link.watchers]
-        if not looked_at or now_s - self._viewed_s < gap_s:
+        records = self._recorder.wants_view
+        if not (looked_at or records) or now_s - self._viewed_s < gap_s:
             return
         self._viewed_s = now_s
         draws = any(link.joints_wanted for link in looked_at)
         scan = state_view.scan(self._gate, self._sonars, now_s, with_heights=draws)
-        joints = self._base.joints(now_s) if draws else {}
-        shown = wire.encode_report(wire.View(self._core.state(now_s, *self._watchers()), scan, joints))
-        for link in looked_at:
-            link.show(shown)
+        joints = self._base.joints(now_s) if draws or records else {}
+        view = wire.View(self._core.state(now_s, *self._watchers()), scan, joints)
+        if looked_at:
+            shown = wire.encode_report(view if draws else structs.replace(view, joints={}))
+            for link in looked_at:
+                link.show(shown)
+        if records:
+            self._recorder.view(view, self._core.held, now_s)
 
     def _watchers(self) -> tuple[list[str], int]:
         """Return the names of watchers, and the number of further watchers."""

@@ -16,6 +16,7 @@ from msgspec import Struct, structs
 from fleet.audit.models import Record
 from fleet.base import rows
 from fleet.base.names import RESERVED
+from fleet.base.version import version
 from robots.link.authority import own_files
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.addresses import check_master_uri
@@ -28,6 +29,7 @@ from robots.shared.configuration.bridge_config import (
     BridgeConfig,
     LimbSource,
     LinkAddress,
+    RecordingPlace,
     Topics,
     What,
 )
@@ -178,7 +180,19 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         stick=known.stick,
         state_dir=str(settings.FLEET_VAR / "bridges"),
         run_dir=str(settings.FLEET_RUN_DIR),
+        recordings=_recording_place(),
         last_fence=robot.fence,
+    )
+
+
+def _recording_place() -> RecordingPlace | None:
+    if settings.FLEET_RECORDINGS is None:
+        return None
+    return RecordingPlace(
+        str(settings.FLEET_RECORDINGS),
+        settings.FLEET_RECORDINGS_BYTES,
+        settings.FLEET_RECORDINGS_FREE_BYTES,
+        version(),
     )
 
 

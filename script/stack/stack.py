@@ -450,10 +450,14 @@ def temporary_stack(
     settings: Mapping[str, str] | None = None,
     students: Sequence[str] = (),
 ) -> Iterator[Stack]:
-    """Context: a stack on free ports, in a temporary directory, which is kept after a failure."""
+    """Context: a stack on free ports, in a temporary directory, which is kept after a failure.
+
+    It keeps no recordings unless the settings name a folder: a recorder for each control would cost much.
+    """
+    settings = {"FLEET_RECORDINGS": "off", **(settings or {})}
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
-        if "FLEET_DATABASE_URL" not in (settings or {}):
+        if "FLEET_DATABASE_URL" not in settings:
             with_tables(directory)
         with Stack(directory, robots=robots, settings=settings, students=students) as stack:
             yield stack

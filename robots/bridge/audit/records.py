@@ -5,16 +5,28 @@ The sink commits them in one worker thread, in order; the control loop polls and
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple, TypeVar
+from uuid import UUID
 
 from robots.bridge.audit.record_writer import RecordWriter
-from robots.shared.records.record_sink import Holder, Parameters, RecordSink, TakenDescription, TakenMap
+from robots.shared.records.record_sink import (
+    Holder,
+    Parameters,
+    RecordError,
+    RecordSink,
+    TakenDescription,
+    TakenMap,
+    TakenRecording,
+)
 from robots.shared.sentences import joined, say
 from robots.shared.wire import Refusal
+
+log = logging.getLogger(__name__)
 
 Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None if it is accepted
 
@@ -97,6 +109,27 @@ class Records(RecordWriter):
     def keep_map(self, taken: TakenMap) -> None:
         """Store the robot's map between two records."""
         self.run_in_background(partial(self.sink.keep_map, taken))
+
+    def keep_recording(self, taken: TakenRecording, done: Callable[[bool], object]) -> None:
+        """Store the row of a recording between two records. `done` hears, on the worker's thread, whether it is."""
+
+        def keep() -> None:
+            try:
+                self.sink.keep_recording(taken)
+            except RecordError as error:
+                log.warning("a recording's row is stored later: %s", error)
+                done(False)
+            except Exception:
+                done(False)
+                raise
+            else:
+                done(True)
+
+        self.run_in_background(keep)
+
+    def drop_recording(self, recording: UUID) -> None:
+        """Store that the file of a recording is gone."""
+        self.run_in_background(partial(self.sink.drop_recording, recording))
 
     def keep_description(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
         """Store the robot's description between two records. `failed` is called on the worker's thread."""

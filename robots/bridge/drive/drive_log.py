@@ -14,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 from robots.bridge.audit.drive_path import Path, Track
 from robots.bridge.audit.records import Records, unrecorded
@@ -30,6 +31,14 @@ SIMPLIFIED_AT_ONCE = 120  # samples, one minute: bounds the memory of a long dri
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 
 WAITING = Refusal("recording", "The start of the drive is being recorded.", "audit")
+
+
+class Held(NamedTuple):
+    """The gate's intervention that goes on."""
+
+    number: int  # grows
+    held_s: float
+    text: str
 
 
 @dataclass
@@ -99,6 +108,14 @@ class DriveLog:
     def under_way(self) -> bool:
         """Return whether a drive is in progress, recorded or not."""
         return self._drive is not None
+
+    @property
+    def held(self) -> Held | None:
+        """The gate's intervention in progress."""
+        current = self._intervention
+        if current is None:
+            return None
+        return Held(self.interventions, current.held_s - current.began_s, current.nearest.text)
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
         """Take odometry for the drive's figures and path."""

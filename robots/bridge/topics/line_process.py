@@ -74,6 +74,15 @@ class LineProcess:
         self._stdin.write(line + b"\n")
         return True
 
+    def offer(self, line: bytes) -> bool:
+        """Send a line that may be lost: return False if no process takes it now."""
+        if self._stdin is None or self._stdin.is_closing():
+            return False
+        if self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
+            return False
+        self._stdin.write(line + b"\n")
+        return True
+
     def close_input(self) -> None:
         """Close the process's stdin, so that it ends; kill it after `END_S`. A later `need` starts a new one."""
         self._end_asked = True

@@ -228,6 +228,15 @@ class LinkAddress(Struct, frozen=True):
     authority: str | None = None
 
 
+class RecordingPlace(Struct, frozen=True):
+    """Where the bridge's computer keeps recordings, of all its robots."""
+
+    directory: str
+    quota_bytes: int  # of all files there
+    least_free_bytes: int  # left on the disk for everything else
+    version: str = ""  # of the console, for the files
+
+
 class BridgeConfig(Struct, frozen=True):
     """The whole configuration of one bridge."""
 
@@ -245,6 +254,7 @@ class BridgeConfig(Struct, frozen=True):
     allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # input filters in order, from stick position to gate
     run_dir: str | None = None  # folder of pending stops (robots.shared.link.pending_stops)
+    recordings: RecordingPlace | None = None  # None: no black box, no recordings
     last_fence: int = 0  # highest fence in the database: shows that a state file is lost
 
     def digest(self) -> str:

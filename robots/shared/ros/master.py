@@ -24,11 +24,12 @@ MOST_VALUES = 500_000  # in an answer
 INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
 CAMERA = "/fleet_camera"  # the same for camera processes
 TAP = "/fleet_tap"  # the same for taps
+RECORDER = "/fleet_recorder"  # the same for recorders
 
 
 def is_own(node: str) -> bool:
-    """Return whether a node is a console's bridge, inspector, camera process or watchdog, not the robot's."""
-    return node.startswith((BRIDGE, INSPECTOR, CAMERA, TAP, WATCHDOG))
+    """Return whether a node is a process of a console, not the robot's."""
+    return node.startswith((BRIDGE, INSPECTOR, CAMERA, TAP, RECORDER, WATCHDOG))
 
 
 T = TypeVar("T")

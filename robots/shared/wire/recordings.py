@@ -65,9 +65,10 @@ class RecordingState(Struct, frozen=True, omit_defaults=True):
     recording: UUID
     kind: RecordingKind
     by: str
-    topics: RecordedTopics
+    topics: Literal["all", "pictures_not"] | list[str]  # of chosen ones the first ten
     since_s: float
     left_s: float  # until it ends by itself
+    topics_more: int = 0  # further chosen topics
     bytes: int = 0
     bytes_per_s: float = 0.0
     free_bytes: int | None = None  # that recordings may still take; None: not known yet

@@ -11,6 +11,7 @@ import pytest
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
+from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.link.client import BridgeLink
@@ -166,7 +167,8 @@ async def test_a_number_that_cannot_be_written_is_not_given(orders, core, disk):
 
 
 async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(orders, core, disk, tmp_path):
-    door = LinkHandler(core, orders, InspectorClient(core.config, lambda: None), {})
+    recorder = RecorderClient(core.config, Bench().records)
+    door = LinkHandler(core, orders, InspectorClient(core.config, lambda: None), {}, recorder)
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from uuid import UUID
 
 import msgspec
 import pytest
@@ -43,6 +44,8 @@ def largest(kind: inspect.Type) -> Any:
             return cls(**{field.name: largest(field.type) for field in fields})
         case inspect.UnionType(types=kinds):
             return max((largest(one) for one in kinds), key=lambda value: len(str(value)))
+        case inspect.UUIDType():
+            return UUID(int=2**128 - 1)
         case inspect.NoneType():
             return None
     raise AssertionError(f"what is the largest {kind}?")

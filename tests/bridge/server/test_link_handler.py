@@ -13,6 +13,7 @@ import pytest
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_BURST, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
+from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.tasks.speech import SpeechTasks
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.shared import wire
@@ -31,7 +32,13 @@ def bench():
 @pytest.fixture
 def door(bench, tmp_path):
     orders = LeaseOrders(bench.core, StateStore(tmp_path, "robot"), 0)
-    yield LinkHandler(bench.core, orders, InspectorClient(bench.core.config, lambda: None), {})
+    yield LinkHandler(
+        bench.core,
+        orders,
+        InspectorClient(bench.core.config, lambda: None),
+        {},
+        RecorderClient(bench.core.config, bench.records),
+    )
     orders.close()
 
 

@@ -8,31 +8,24 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
-from typing import Any
 
-import rospy
 from msgspec.structs import replace
 
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
-from robots.bridge.ros.bounds.listening import pause
-from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.on_demand_topics import BUFFER_BYTES
+from robots.bridge.ros.raw_topic import MOST_PUBLISHERS, RawTopic, Speaker
 from robots.bridge.ros.served_process import Call
 from robots.bridge.ros.tap.pace import Pace
 from robots.bridge.tap.arrivals import Arrival, Inbox, Kind, Publisher
 from robots.bridge.tap.tap_server import TapServer, Wanted
 from robots.shared.messages.whole import Encode, cbor_encoder, json_encoder
-from robots.shared.ros.texts import NAME, cut
 from robots.shared.sentences import say
 from robots.shared.wire import Form, Refusal, TapState
 
 LOOK_S = 0.5  # between two looks at the publishers
 SOON_S = 0.05  # the same while none has answered
 SOON_LOOKS = 40  # then the topic has no publisher yet
-MOST_PUBLISHERS = 500  # of a topic, over time
 
 _NOTHING = Kind("", "")
 
@@ -45,63 +38,41 @@ class _Topic:
         self.looks = 0  # without a publisher
         self.state: TapState | None = None  # the last reported one
         self._inbox = inbox
-        self._definitions = definitions
         self._lock = threading.Lock()
         self._number = 0
         self._kind = _NOTHING  # of the messages that are handed on
         self._publishers: dict[tuple[str, Kind], Publisher] = {}
-        pause(topic, Pace())
-        self._subscriber = rospy.Subscriber(
-            topic,
-            rospy.AnyMsg,
-            self._on_message,
-            queue_size=max(queue, Pace.LEAST_QUEUE),
-            buff_size=BUFFER_BYTES,
-            tcp_nodelay=True,
-        )
+        self._raw = RawTopic(topic, definitions, self._take, Pace(), max(queue, Pace.LEAST_QUEUE))
 
     def close(self) -> None:
         """Unsubscribe."""
-        self._subscriber.unregister()
+        self._raw.close()
 
-    def _on_message(self, message: rospy.AnyMsg) -> None:
+    def _take(self, speaker: Speaker, data: bytes) -> None:
         stamp_ns = time.time_ns()
-        publisher = self._publisher(message._connection_header)
+        publisher = self._publisher(speaker)
         with self._lock:
             self._number += 1
             number = self._number
             if self._kind == _NOTHING:
                 self._kind = publisher.kind
         if publisher.kind == self._kind:
-            self._inbox.put(Arrival(self.topic, publisher, number, stamp_ns, message._buff))
+            self._inbox.put(Arrival(self.topic, publisher, number, stamp_ns, data))
 
-    def _publisher(self, header: Mapping[str, Any]) -> Publisher:
-        kind = Kind(cut(str(header.get("type", "")), NAME), cut(str(header.get("md5sum", "")), NAME))
-        key = str(header.get("callerid", "")), kind
+    def _publisher(self, speaker: Speaker) -> Publisher:
+        key = speaker.node, speaker.kind
         found = self._publishers.get(key)
         if found is None:
-            found = self._described(kind, dict(header))
+            found = _described(speaker)
             with self._lock:
                 if len(self._publishers) >= MOST_PUBLISHERS:
                     self._publishers.clear()
                 found = self._publishers[key] = found._replace(number=len(self._publishers))
         return found
 
-    def _described(self, kind: Kind, header: dict[str, str]) -> Publisher:
-        latched = header.get("latching") == "1"
-        try:
-            definition = self._definitions.of_connection(header)
-        except Declined as error:
-            return Publisher(0, kind, latched, "", {}, error.refusal)
-        encoders: dict[Form, Encode] = {
-            "json": json_encoder(definition.fields),
-            "cbor": cbor_encoder(definition.fields),
-        }
-        return Publisher(0, kind, latched, definition.text, encoders, None)
-
     def look(self) -> TapState:
         """Return what the publishers say of themselves now."""
-        publishers = [self._publisher(each.header) for each in self._connections if each.type is not None]
+        publishers = [self._publisher(speaker) for speaker in self._raw.speakers()]
         self.looks = 0 if publishers else self.looks + 1
         kinds = list(dict.fromkeys(publisher.kind for publisher in publishers))
         with self._lock:
@@ -117,10 +88,16 @@ class _Topic:
             refusal=own.refusal or _discord(kinds, kind) or _too_much(self.topic),
         )
 
-    @property
-    def _connections(self) -> list[Any]:
-        implementation = self._subscriber.impl
-        return [] if implementation is None else list(implementation.connections)
+
+def _described(speaker: Speaker) -> Publisher:
+    definition = speaker.definition
+    if definition is None:
+        return Publisher(0, speaker.kind, speaker.latched, "", {}, speaker.refusal)
+    encoders: dict[Form, Encode] = {
+        "json": json_encoder(definition.fields),
+        "cbor": cbor_encoder(definition.fields),
+    }
+    return Publisher(0, speaker.kind, speaker.latched, definition.text, encoders, None)
 
 
 def _silence(topic: str) -> Refusal:

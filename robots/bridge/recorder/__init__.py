@@ -1,0 +1,1 @@
+"""The recorder, without rospy: keeps the last minute of a robot, and writes recordings as MCAP files."""

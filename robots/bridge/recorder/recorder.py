@@ -1,0 +1,420 @@
+"""Decides what is kept: the black box while somebody has control, and recordings on request. Without rospy.
+
+Messages arrive on many threads, lines of the bridge on one; a lock joins them, and nobody waits for a disk within it.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Literal, NamedTuple
+from uuid import UUID, uuid4
+
+import msgspec
+from msgspec import Struct, structs
+
+from robots.bridge.recorder import finished_files
+from robots.bridge.recorder.clock import RecordingClock
+from robots.bridge.recorder.contacts import Contacts, reports_contact
+from robots.bridge.recorder.directory import RecordingDirectory
+from robots.bridge.recorder.recorder_messages import (
+    Begin,
+    Begun,
+    End,
+    Finished,
+    Happened,
+    InControl,
+    Over,
+    Progress,
+    RecorderRequest,
+    Removed,
+    Said,
+    Stored,
+    goes_on,
+    origin_of,
+)
+from robots.bridge.recorder.ring import Message, Origin, Ring, picture_gap_s
+from robots.bridge.recorder.take import Take
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace, Topics
+from robots.shared.records.record_sink import KeptEvent, TakenRecording
+from robots.shared.sentences import say
+from robots.shared.wire import BlackBoxState, RecordingState, Refusal
+
+log = logging.getLogger(__name__)
+
+BEFORE_S, AFTER_S = 30.0, 15.0  # of an event
+LONGEST_BOX_S = 180.0  # further events within it belong to the same file
+LINGER_S = 30.0  # the box goes on after control has ended: an event may follow
+MOST_SHOWN = 10  # topics in the state
+TOLD_S = 60.0  # that a recording ended by a fault
+
+_request = msgspec.json.Decoder(RecorderRequest)
+
+
+class Wanted(NamedTuple):
+    """The topics to read: each with the least time between two messages (s); and further ones."""
+
+    topics: Mapping[str, float]
+    others: Literal["", "all", "pictures_not", "contacts"] = ""
+
+
+class _Order(NamedTuple):
+    """A recording on request."""
+
+    order: wire.LinkRecord
+    take: Take
+    began_s: float
+    ends_s: float
+
+
+class _Box(NamedTuple):
+    """An event that is being kept."""
+
+    take: Take
+    began_s: float
+    ends_s: float
+
+
+class Recorder:
+    """The recorder of one robot. `say` sends a report to the bridge; `follow` gets what must be read."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        place: RecordingPlace,
+        say: Callable[[Struct], None],
+        follow: Callable[[Wanted], None],
+    ) -> None:
+        self.directory = RecordingDirectory(Path(place.directory), place.quota_bytes, place.least_free_bytes)
+        self._robot = config.robot_id
+        self._version = place.version
+        self._box_topics = box_topics(config.topics)
+        self._say = say
+        self._follow = follow
+        self._lock = threading.RLock()
+        self._control = InControl()
+        self._box_until_s = 0.0  # without control
+        self._ring: Ring | None = None
+        self._contacts = Contacts()
+        self._box: _Box | None = None
+        self._box_state = BlackBoxState()
+        self._order: _Order | None = None
+        self._ended: tuple[RecordingState, float] | None = None  # the last recording, if it ended by a fault
+        self._numbers: dict[str, int] = {}  # of the bridge's messages
+        self._rate = (0.0, 0, 0.0)  # time and bytes of the last measurement, and the rate
+
+    # --- messages -------------------------------------------------------------------------------------
+
+    def arrived(self, message: Message) -> None:
+        """Take a message, on any thread."""
+        with self._lock:
+            if self._ring is not None and self._is_boxed(message.origin):
+                kept = self._ring.put(message)
+                if kept and self._box is not None:
+                    self._box.take.put(message)
+                self._notice_contact(message)
+            if self._order is not None and self._is_recorded(message.origin):
+                self._order.take.put(message)
+
+    def missed(self, origin: Origin, count: int) -> None:
+        """Count messages that were lost before they arrived."""
+        with self._lock:
+            if self._order is not None and self._is_recorded(origin):
+                self._order.take.missed(origin, count)
+
+    def _is_boxed(self, origin: Origin) -> bool:
+        return (
+            origin.topic in self._box_topics
+            or not origin.publisher
+            or reports_contact(origin.topic, origin.type)
+        )
+
+    def _notice_contact(self, message: Message) -> None:
+        topic, type_ = message.origin.topic, message.origin.type
+        if reports_contact(topic, type_) and self._contacts.begins(topic, type_, message.data, message.at_ns):
+            self._keep(Happened("contact", message.at_ns, say("{topic} reports a contact.", topic=topic)))
+
+    def _is_recorded(self, origin: Origin) -> bool:
+        topics = self._order.order.topics if self._order is not None else []
+        if not origin.publisher:  # what the chain says is part of each recording
+            return True
+        if isinstance(topics, list):
+            return origin.topic in topics
+        return topics == "all" or not origin.is_picture
+
+    # --- lines of the bridge ---------------------------------------------------------------------------
+
+    def handle_line(self, line: bytes) -> None:
+        """Carry out a request of the bridge. Raises msgspec.DecodeError."""
+        match _request.decode(line):
+            case Said() as said:
+                number = self._numbers[said.topic] = self._numbers.get(said.topic, 0) + 1
+                self.arrived(Message(origin_of(said.topic), number, said.at_ns, bytes(said.message)))
+            case InControl() as control:
+                self._take_control(control)
+            case Happened() as happened:
+                self._keep(happened)
+            case Begin(order=order, continues=continues):
+                self._begin(order, continues)
+            case End(recording=recording, why=why):
+                with self._lock:
+                    if self._order is not None and self._order.order.recording == recording:
+                        self._order.take.end(why)
+            case Stored(recording=recording):
+                try:
+                    self.directory.stored(recording)
+                except OSError as error:
+                    log.warning("%s is reported again: %s", recording, error)
+
+    def _take_control(self, control: InControl) -> None:
+        with self._lock:
+            self._control = control
+            if control.person:
+                self._ring = self._ring or Ring()
+                self._box_state = structs.replace(self._box_state, kept=0, dropped=0, refusal=None)
+            else:
+                self._box_until_s = time.monotonic() + LINGER_S
+            self._follow_wanted()
+
+    def _keep(self, happened: Happened) -> None:
+        """Keep what was before an event, and what follows."""
+        now_s = time.monotonic()
+        clock = RecordingClock()
+        event = KeptEvent(happened.event, clock.log_ns(happened.at_ns) / 1e9, happened.text, happened.by)
+        with self._lock:
+            if self._ring is None:
+                return
+            box = self._box
+            if box is not None and now_s + AFTER_S <= box.began_s + LONGEST_BOX_S:
+                box.take.about = structs.replace(box.take.about, events=[*box.take.about.events, event])
+                self._box = box._replace(ends_s=now_s + AFTER_S)
+                self._box_state = structs.replace(
+                    self._box_state, keeps=happened.event, kept=self._box_state.kept + 1
+                )
+                return
+            if box is not None:
+                box.take.end()
+            about = TakenRecording(
+                recording=uuid4(),
+                robot=self._robot,
+                kind="black_box",
+                begins=event.at - BEFORE_S,
+                ends=event.at,
+                bytes=0,
+                directory=str(self.directory.path),
+                name="",
+                topics=[],
+                events=[event],
+                person=happened.person or self._control.person,
+                session=self._control.session,
+                version=self._version,
+            )
+            take = Take(self.directory, about, clock, self._box_done, self._removed)
+            take.start(self._ring.since(happened.at_ns - int(BEFORE_S * 1e9)))
+            self._box = _Box(take, now_s, now_s + AFTER_S)
+            self._box_state = structs.replace(
+                self._box_state, keeps=happened.event, kept=self._box_state.kept + 1, refusal=None
+            )
+
+    def _begin(self, order: wire.LinkRecord, continues: UUID | None) -> None:
+        with self._lock:
+            if self._order is not None:
+                going = self._order.order
+                self._say(Begun(order.recording, goes_on(going.by, going.recording)))
+                return
+            now_s = time.monotonic()
+            begins = time.time()
+            about = TakenRecording(
+                recording=order.recording,
+                robot=self._robot,
+                kind=order.kind,
+                begins=begins,
+                ends=begins,
+                bytes=0,
+                directory=str(self.directory.path),
+                name="",
+                topics=[],
+                person=order.person,
+                session=order.session,
+                booking=order.booking,
+                course=order.course,
+                reason=order.reason,
+                version=self._version,
+                continues=continues,
+            )
+            take = Take(
+                self.directory,
+                about,
+                RecordingClock(),
+                self._order_done,
+                self._removed,
+                opened=lambda: self._say(Begun(order.recording)),
+            )
+            self._ended = None
+            self._rate = (now_s, 0, 0.0)
+            self._order = _Order(order, take, now_s, now_s + order.seconds)
+            take.start(self._latched_now())
+            self._follow_wanted()
+
+    def _latched_now(self) -> list[Message]:
+        """Return the latched messages that the ring has: their topics are read already, and send nothing again."""
+        if self._ring is None:
+            return []
+        return [
+            message
+            for message in self._ring.since(time.monotonic_ns())
+            if self._is_recorded(message.origin) and message.origin.latched
+        ]
+
+    # --- the clock -------------------------------------------------------------------------------------
+
+    def tick(self) -> None:
+        """End what is over, and tell the bridge what goes on. Called each second."""
+        now_s = time.monotonic()
+        with self._lock:
+            if self._order is not None and now_s >= self._order.ends_s:
+                self._order.take.end(say("The time for it was over."))
+            if self._box is not None and now_s >= self._box.ends_s:
+                self._box.take.end()
+            box_ends = not self._control.person and now_s >= self._box_until_s and self._box is None
+            if self._ring is not None and box_ends:
+                self._ring = None
+                self._box_state = BlackBoxState()
+                self._follow_wanted()
+            progress = Progress(self._recording_state(now_s), self._black_box_state())
+        self._say(progress)
+
+    @property
+    def is_needed(self) -> bool:
+        """Return whether anything goes on."""
+        with self._lock:
+            return self._ring is not None or self._order is not None or self._box is not None
+
+    def _recording_state(self, now_s: float) -> RecordingState | None:
+        if self._order is None:
+            if self._ended is not None and now_s - self._ended[1] < TOLD_S:
+                return self._ended[0]
+            return None
+        order, take, began_s, ends_s = self._order
+        before_s, before, _ = self._rate
+        if now_s - before_s >= 1.0 and take.bytes != before:
+            self._rate = (now_s, take.bytes, (take.bytes - before) / (now_s - before_s))
+        return RecordingState(
+            recording=order.recording,
+            kind=order.kind,
+            by=order.by,
+            topics=order.topics[:MOST_SHOWN] if isinstance(order.topics, list) else order.topics,
+            topics_more=max(len(order.topics) - MOST_SHOWN, 0) if isinstance(order.topics, list) else 0,
+            since_s=round(now_s - began_s, 1),
+            left_s=round(max(ends_s - now_s, 0.0), 1),
+            bytes=take.bytes,
+            bytes_per_s=round(self._rate[2]),
+            free_bytes=take.free_bytes,
+            dropped=take.dropped.total(),
+            refusal=take.trouble,
+        )
+
+    def _black_box_state(self) -> BlackBoxState | None:
+        if self._ring is None:
+            return None
+        held_s = min(self._ring.held_s(time.monotonic_ns()), 60)
+        return structs.replace(self._box_state, seconds=held_s)
+
+    def _follow_wanted(self) -> None:
+        """Tell what must be read now."""
+        wanted: dict[str, float] = {}
+        others: Literal["", "all", "pictures_not", "contacts"] = ""
+        if self._ring is not None:
+            wanted.update(self._box_topics)
+            others = "contacts"
+        if self._order is not None:
+            topics = self._order.order.topics
+            if isinstance(topics, list):
+                wanted.update(dict.fromkeys(topics, 0.0))
+            else:
+                others = topics
+                wanted = {topic: 0.0 if others == "all" else gap_s for topic, gap_s in wanted.items()}
+        self._follow(Wanted(wanted, others))
+
+    # --- on the threads of writers ----------------------------------------------------------------------
+
+    def _box_done(self, take: Take, result: TakenRecording | Refusal) -> None:
+        with self._lock:
+            if self._box is not None and self._box.take is take:
+                self._box = None
+                self._box_state = structs.replace(self._box_state, keeps=None)
+            refusal = result if isinstance(result, Refusal) else take.refusal
+            dropped = self._box_state.dropped + take.dropped.total()
+            self._box_state = structs.replace(self._box_state, refusal=refusal, dropped=dropped)
+        self._report(result)
+
+    def _order_done(self, take: Take, result: TakenRecording | Refusal) -> None:
+        with self._lock:
+            if self._order is None or self._order.take is not take:
+                return
+            if take.is_open:
+                now_s = time.monotonic()
+                state = self._recording_state(now_s) if take.refusal is not None else None
+                self._ended = None if state is None else (structs.replace(state, left_s=0.0), now_s)
+                over: Over | Begun = Over(take.about.recording)
+            else:
+                over = Begun(take.about.recording, take.refusal)
+            self._order = None
+            self._follow_wanted()
+        self._say(over)
+        self._report(result)
+
+    def _report(self, result: TakenRecording | Refusal) -> None:
+        if isinstance(result, TakenRecording):
+            self._say(Finished(result))
+
+    def _removed(self, recording: UUID) -> None:
+        log.warning("the black box %s was removed for newer recordings", recording)
+        self._say(Removed(recording))
+
+    # --- files of earlier processes ---------------------------------------------------------------------
+
+    def recover(self) -> None:
+        """Finish cut files, and report those without a row. Raises OSError."""
+        for _ in finished_files.finish_cut(self.directory):
+            pass
+        for taken in finished_files.without_row(self.directory):
+            if taken.robot == self._robot:
+                self._say(Finished(taken))
+
+    def close(self, within_s: float) -> None:
+        """Finish what goes on: the bridge ends."""
+        with self._lock:
+            takes = [going.take for going in (self._order, self._box) if going is not None]
+        for take in takes:
+            take.end(say("The robot’s bridge ended."))
+        until_s = time.monotonic() + within_s
+        for take in takes:
+            take.join(max(until_s - time.monotonic(), 0.0))
+
+
+def box_topics(topics: Topics) -> dict[str, float]:
+    """Return the topics of the black box, each with the least time between two messages (s)."""
+    plain = [
+        topics.drive.name,
+        topics.odometry.name,
+        *(scan.topic for scan in topics.scans),
+        *(sonar.topic for sonar in topics.sonars),
+        *(
+            topic.name
+            for topic in (topics.joint_states, topics.battery, topics.diagnostics, topics.map)
+            if topic is not None
+        ),
+        "/tf",
+        "/tf_static",
+    ]
+    if topics.navigation is not None:
+        plain += [topics.navigation.velocity, topics.navigation.pose]
+        plain += [topics.navigation.plan] if topics.navigation.plan else []
+    pictures = {camera.topic: picture_gap_s(camera.type) for camera in topics.cameras}
+    infos = [camera.info for camera in topics.cameras if camera.info]
+    return dict.fromkeys([*plain, *infos], 0.0) | pictures

@@ -1,0 +1,131 @@
+"""Subscribes to the topics that are recorded, and hands on their messages as bytes, each with its definition."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+import rosgraph
+import rospy
+
+from robots.bridge.recorder.contacts import reports_contact
+from robots.bridge.recorder.recorder import Wanted
+from robots.bridge.recorder.ring import Message, Origin, is_picture
+from robots.bridge.ros.inspector.definitions import Definitions
+from robots.bridge.ros.raw_topic import RawTopic, Speaker
+from robots.bridge.tap.arrivals import Kind
+from robots.shared.ros.master import Master, MasterError, is_own
+from robots.shared.wire import MOST_RECORDED_TOPICS
+
+log = logging.getLogger(__name__)
+
+# Between two looks for new topics; a robot's bumpers are there from its start
+_SURVEY_S = {"": None, "all": 2.0, "pictures_not": 2.0, "contacts": 20.0}
+WAIT_S = 0.004  # before each read: a topic that floods costs as much as 250 reads a second
+_UNREAD = ("/rosout_agg",)  # the same messages as /rosout
+
+Take = Callable[[Message], None]
+
+
+class _Topic:
+    """One subscribed topic."""
+
+    def __init__(self, topic: str, gap_s: float, definitions: Definitions, take: Take) -> None:
+        self.topic = topic
+        self.gap_s = gap_s
+        self._take = take
+        self._lock = threading.Lock()
+        self._number = 0
+        self._origins: dict[tuple[str, Kind], Origin] = {}
+        self._raw = RawTopic(topic, definitions, self._on_message, self._rest_s, 1 if gap_s else None)
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._raw.close()
+
+    def _rest_s(self) -> float:
+        return self.gap_s or WAIT_S
+
+    def _on_message(self, speaker: Speaker, data: bytes) -> None:
+        at_ns = time.monotonic_ns()
+        origin = self._origins.get((speaker.node, speaker.kind))
+        if origin is None:
+            origin = self._origins[speaker.node, speaker.kind] = _origin(self.topic, speaker)
+        with self._lock:
+            self._number += 1
+            number = self._number
+        self._take(Message(origin, number, at_ns, data))
+
+
+def _origin(topic: str, speaker: Speaker) -> Origin:
+    # A definition that does not fit its md5 sum is kept as its publisher sent it: a reader may know better
+    text = speaker.definition.text if speaker.definition is not None else speaker.text
+    return Origin(
+        topic, "ros1", speaker.kind.type, speaker.kind.md5, text, speaker.node or "?", speaker.latched
+    )
+
+
+class Reading:
+    """All subscriptions at one robot; lives on its own thread, which calls the master."""
+
+    def __init__(self, definitions: Definitions, take: Take) -> None:
+        self._definitions = definitions
+        self._take = take
+        self._awake = threading.Condition()
+        self._wanted = Wanted({})
+        self._changed = False
+        self._topics: dict[str, _Topic] = {}
+        self._left_out = 0
+
+    def follow(self, wanted: Wanted) -> None:
+        """Set what is read. Thread-safe; returns at once."""
+        with self._awake:
+            self._wanted = wanted
+            self._changed = True
+            self._awake.notify()
+
+    def run(self) -> None:
+        """Subscribe and unsubscribe as wanted, without end."""
+        while True:
+            with self._awake:
+                if not self._changed:
+                    self._awake.wait(_SURVEY_S[self._wanted.others])
+                self._changed = False
+                wanted = self._wanted
+            self._read(dict(wanted.topics) | (self._others(wanted) if wanted.others else {}))
+
+    def _others(self, wanted: Wanted) -> dict[str, float]:
+        """Return the further topics that have a publisher of the robot, the small ones first if they are too many."""
+        try:
+            state = Master(rosgraph.get_master_uri(), rospy.get_caller_id()).system_state()
+        except MasterError as error:
+            log.warning("the robot's topics are not known: %s", error)
+            return dict.fromkeys(self._topics.keys() - wanted.topics.keys(), 0.0)
+        found = [
+            topic
+            for topic, nodes in sorted(state.publishers.items())
+            if topic not in _UNREAD and any(not is_own(node) for node in nodes)
+        ]
+        if wanted.others == "contacts":
+            found = [topic for topic in found if reports_contact(topic, state.types.get(topic, ""))]
+        pictures = {topic for topic in found if is_picture(state.types.get(topic, ""))}
+        if wanted.others == "pictures_not":
+            found = [topic for topic in found if topic not in pictures]
+        found.sort(key=lambda topic: topic in pictures)
+        room = MOST_RECORDED_TOPICS - len(wanted.topics)
+        more = [topic for topic in found if topic not in wanted.topics]
+        if len(more[room:]) != self._left_out:
+            self._left_out = len(more[room:])
+            log.warning("%d topics are not recorded: more than %d", self._left_out, MOST_RECORDED_TOPICS)
+        return dict.fromkeys(more[:room], 0.0)
+
+    def _read(self, wanted: Mapping[str, float]) -> None:
+        for name in list(self._topics):
+            # rospy's queue is set at the subscription
+            if name not in wanted or bool(wanted[name]) != bool(self._topics[name].gap_s):
+                self._topics.pop(name).close()
+        for name, gap_s in wanted.items():
+            if name not in self._topics:
+                self._topics[name] = _Topic(name, gap_s, self._definitions, self._take)

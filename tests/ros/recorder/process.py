@@ -1,0 +1,120 @@
+"""A recorder process as the bridge runs it, and its files as the library's reader reads them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+from uuid import UUID, uuid4
+
+import msgspec
+from mcap.reader import SeekingReader, make_reader
+
+from robots.bridge.recorder.recorder_messages import Begin, Begun, End, Finished, Progress, RecorderReport
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import RecordingPlace
+from robots.shared.records.record_sink import TakenRecording
+from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.ros.bridge_support import tiago_config
+from tests.ros.support import Master
+
+COMMAND = (sys.executable, "-m", "robots.bridge.ros.recorder")
+
+
+class RecorderProcess:
+    """One recorder."""
+
+    def __init__(self, master: Master, folder: Path, quota_bytes: int = 10**9, **changes: Any) -> None:
+        self.directory = folder / "recordings"
+        place = RecordingPlace(str(self.directory), quota_bytes, 0, "1.0")
+        self.config = tiago_config(master, folder, recordings=place, **changes)
+        self.reports: list[Any] = []
+        self.process = subprocess.Popen(
+            COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._write(msgspec.json.encode(self.config))
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def say(self, message: msgspec.Struct) -> None:
+        """Send a request."""
+        self._write(wire.encode(message))
+
+    def begins(self, topics: wire.RecordedTopics, seconds: float = 600.0, **more: Any) -> UUID:
+        """Begin a recording, and wait until its file is there."""
+        order = wire.LinkRecord(uuid4(), seconds, topics, "Ada", "person-1", **more)
+        self.say(Begin(order))
+        begun = self.waits(Begun, lambda begun: begun.recording == order.recording)
+        assert begun.refusal is None
+        return order.recording
+
+    def finishes(self, recording: UUID) -> TakenRecording:
+        """End a recording, and wait until it is finished."""
+        self.say(End(recording))
+        return self.finished(recording)
+
+    def finished(self, recording: UUID) -> TakenRecording:
+        return self.waits(Finished, lambda one: one.taken.recording == recording).taken
+
+    def waits(self, kind: type[Any], fits: Any = lambda report: True) -> Any:
+        """Return the newest report of this kind that fits."""
+
+        def found() -> Any:
+            return next((one for one in reversed(self.reports) if isinstance(one, kind) and fits(one)), None)
+
+        return until(found, f"{kind.__name__}: {self.reports[-3:]}", PATIENCE_S)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(PATIENCE_S)
+        self._close()
+
+    def stop(self) -> None:
+        assert self.process.stdin
+        self.process.stdin.close()
+        assert self.process.wait(PATIENCE_S) == 0
+        self._close()
+
+    def _close(self) -> None:
+        self._reader.join(PATIENCE_S)
+        assert self.process.stdin and self.process.stdout
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+    def _write(self, line: bytes) -> None:
+        assert self.process.stdin
+        self.process.stdin.write(line + b"\n")
+        self.process.stdin.flush()
+
+    def _read(self) -> None:
+        decoder = msgspec.json.Decoder(RecorderReport)
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.reports.append(decoder.decode(line))
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the present recording."""
+        recording = self.progress.recording
+        return 0 if recording is None else recording.bytes
+
+    @property
+    def progress(self) -> Progress:
+        return self.waits(Progress)
+
+
+def messages_of(path: Path) -> dict[str, list[tuple[str, bytes]]]:
+    """Return type and bytes of each message, by topic. The file must open with its summary."""
+    found: dict[str, list[tuple[str, bytes]]] = defaultdict(list)
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert isinstance(reader, SeekingReader)
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        for schema, channel, message in reader.iter_messages():
+            found[channel.topic].append((schema.name if schema else "", message.data))
+        assert summary.statistics.message_count == sum(map(len, found.values()))
+    return found
