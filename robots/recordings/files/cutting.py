@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import BinaryIO
 
 from mcap.writer import CompressionType, Writer
@@ -10,6 +10,7 @@ from mcap.writer import CompressionType, Writer
 from robots.recordings.files.contents import PICTURES, Contents, Recorded
 
 LIBRARY = "fleet console"
+ALL = ((0, 2**63 - 1),)
 
 
 def cut(
@@ -17,20 +18,18 @@ def cut(
     target: BinaryIO,
     *,
     topics: Collection[str] | None = None,
-    from_ns: int | None = None,
-    until_ns: int | None = None,
+    windows: Sequence[tuple[int, int]] = ALL,
 ) -> int:
-    """Write the part as MCAP; return the number of its messages. Raises `Unreadable`.
+    """Write the parts (ns, ends exclusive, in order) as MCAP; return the number of messages. Raises `Unreadable`.
 
-    Transforms that hold for ever (`/tf_static`) and other latched messages before the part are in it, at its beginning.
+    Transforms that hold for ever (`/tf_static`) and other latched messages before a part are in it, at its beginning.
     """
     writer = Writer(target, compression=CompressionType.ZSTD)
     writer.start(profile="ros1", library=LIBRARY)
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     count = 0
-    for recorded in _from_its_state(contents, topics, from_ns, until_ns):
-        schema, channel, message = recorded
+    for at_ns, (schema, channel, message) in parts(contents, topics, windows):
         if channel.id not in channels:
             if schema is not None and schema.id not in schemas:
                 schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -40,7 +39,6 @@ def cut(
                 schemas[schema.id] if schema is not None else 0,
                 dict(channel.metadata),
             )
-        at_ns = max(message.log_time, from_ns or 0)
         writer.add_message(channels[channel.id], at_ns, message.data, at_ns, message.sequence)
         count += 1
     for metadata in contents.metadata():
@@ -58,14 +56,16 @@ def topics_without_pictures(contents: Contents) -> list[str]:
     ]
 
 
-def _from_its_state(
-    contents: Contents, topics: Collection[str] | None, from_ns: int | None, until_ns: int | None
-) -> Iterator[Recorded]:
-    """Yield the messages of the part, after the last message before it of each latched topic."""
-    if from_ns is not None and from_ns > contents.begins_ns:
-        for channel in contents.channels:
-            if channel.metadata.get("latching") == "1" and (topics is None or channel.topic in topics):
-                before = contents.newest(channel.topic, from_ns - 1)
-                if before is not None:
-                    yield before
-    yield from contents.messages(topics, from_ns, until_ns)
+def parts(
+    contents: Contents, topics: Collection[str] | None, windows: Sequence[tuple[int, int]]
+) -> Iterator[tuple[int, Recorded]]:
+    """Yield the messages of the parts with their times. Before each part comes what was latched."""
+    for begin_ns, end_ns in windows:
+        if begin_ns > contents.begins_ns:
+            for channel in contents.channels:
+                if channel.metadata.get("latching") == "1" and (topics is None or channel.topic in topics):
+                    before = contents.newest(channel.topic, begin_ns - 1)
+                    if before is not None:
+                        yield begin_ns, before
+        for recorded in contents.messages(topics, begin_ns, end_ns):
+            yield recorded.message.log_time, recorded

@@ -79,7 +79,7 @@ def test_a_file_that_was_cut_is_not_read(size: int) -> None:
 def test_a_cut_begins_with_what_is_latched() -> None:
     contents, target = Contents(sample()), io.BytesIO()
     count = cut(
-        contents, target, topics=topics_without_pictures(contents), from_ns=2 * SECOND, until_ns=3 * SECOND
+        contents, target, topics=topics_without_pictures(contents), windows=[(2 * SECOND, 3 * SECOND)]
     )
     target.seek(0)
     found = list(make_reader(target).iter_messages())
