@@ -159,6 +159,7 @@ KINDS: dict[str, Kind] = {
     "recording.let_go": Kind(_("recording no longer kept")),
     "recording.share": Kind(_("recording shared")),
     "recording.unshare": Kind(_("recording no longer shared")),
+    "recording.download": Kind(_("recording downloaded")),
     "recording.delete": Kind(_("recording deleted")),
     "allowance.create": Kind(_("allow-list entry added")),
     "allowance.change": Kind(_("allow-list entry changed")),

@@ -39,7 +39,7 @@ _FULL = Refusal(
 )
 _EMPTY = Refusal("nothing_in_it", "The recording has no messages in this time and of these topics.", "wire")
 _NO_BAG = Refusal("no_bag", "A bag has messages of ROS 1 only: download this recording as MCAP.", "wire")
-_UNREADABLE = Refusal("recording_unreadable", "The file of this recording cannot be read.", "robot")
+UNREADABLE = Refusal("recording_unreadable", "The file of this recording cannot be read.", "robot")
 
 _making = threading.BoundedSemaphore(AT_ONCE)
 
@@ -75,7 +75,7 @@ def download(sight: Sight, wanted: Wanted) -> Path:
         _make(sight, wanted, draft)
         draft.rename(path)
     except Unreadable as error:
-        raise NotDone(_UNREADABLE) from error
+        raise NotDone(UNREADABLE) from error
     except NoBag as error:
         raise NotDone(_NO_BAG) from error
     finally:

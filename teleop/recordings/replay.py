@@ -30,7 +30,7 @@ _NO_TOPIC = Refusal("no_topic", "The recording has no such topic.", "wire")
 _UNKNOWN = Refusal("type_unknown", "The messages of this topic cannot be read.", "robot")
 
 
-class Channel(Struct, frozen=True):
+class RecordedChannel(Struct, frozen=True):
     """A topic of a recording."""
 
     topic: str
@@ -40,24 +40,23 @@ class Channel(Struct, frozen=True):
     fields: list[str]  # numbers that can be plotted
 
 
-class Index(Struct, frozen=True):
+class RecordedContents(Struct, frozen=True):
     """What the page needs at first."""
 
     lasts_s: float
-    began_at: datetime
     parts: list[tuple[float, float]]  # that the person sees
-    channels: list[Channel]
+    channels: list[RecordedChannel]
     has_views: bool
 
 
-class Series(Struct, frozen=True):
+class RecordedSeries(Struct, frozen=True):
     """Numbers of a field over time."""
 
     at_s: list[float]
     values: list[float | None]
 
 
-def index_of(sight: Sight, contents: Contents) -> Index:
+def contents_of(sight: Sight, contents: Contents) -> RecordedContents:
     """Return what is in the recording."""
     channels = []
     for channel in contents.channels:
@@ -67,11 +66,12 @@ def index_of(sight: Sight, contents: Contents) -> Index:
         except UnknownType:
             fields = []
         kind = schema.name if schema else ""
-        channels.append(Channel(channel.topic, kind, contents.count(channel), kind in PICTURES, fields))
+        channels.append(
+            RecordedChannel(channel.topic, kind, contents.count(channel), kind in PICTURES, fields)
+        )
     recording = sight.recording
-    return Index(
+    return RecordedContents(
         (recording.ends_at - recording.begins_at).total_seconds(),
-        recording.begins_at,
         [(_since(sight, part.begins_at), _since(sight, part.ends_at)) for part in sight.parts],
         channels,
         any(channel.topic == VIEW for channel in channels),
@@ -111,14 +111,16 @@ def picture(sight: Sight, contents: Contents, topic: str, at_s: float) -> tuple[
         raise NotDone(_UNKNOWN) from error
 
 
-def series(sight: Sight, contents: Contents, topic: str, field: str, from_s: float, until_s: float) -> Series:
+def series(
+    sight: Sight, contents: Contents, topic: str, field: str, from_s: float, until_s: float
+) -> RecordedSeries:
     """Return at most `MOST_POINTS` numbers of a field, evenly chosen. Raises `NotDone`."""
     part = _part(sight, from_s)
     until_s = min(until_s, _since(sight, part.ends_at))
     window = (_ns(sight, from_s), _ns(sight, until_s) + 1)
     count = sum(1 for _ in islice(contents.messages([topic], *window), MOST_READ))
     step = max(1, -(-count // MOST_POINTS))
-    points = Series([], [])
+    points = RecordedSeries([], [])
     decoder: Decoder | None = None
     for recorded in islice(contents.messages([topic], *window), 0, MOST_READ, step):
         try:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TypedDict
 from uuid import UUID
 
+import msgspec
 from django.db import transaction
 from django.utils import timezone
+from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
@@ -64,6 +66,13 @@ def recording_delete(*, recording: Recording, actor: User) -> None:
     recording.place, recording.deleted_at = Place.GONE, timezone.now()
     recording.save(update_fields=["place", "deleted_at"])
     record("recording.delete", **_of(recording, actor))
+
+
+def recording_downloaded(*, recording: Recording, wanted: Struct, actor: User) -> None:
+    """Record that a person downloads it, or a part. Raises `AuditUnavailable`: then nothing is sent."""
+    facts = _of(recording, actor)
+    facts["parameters"] |= {name: str(value) for name, value in msgspec.to_builtins(wanted).items() if value}
+    record("recording.download", **facts)
 
 
 def _for_change(recording: Recording, actor: User) -> Recording:

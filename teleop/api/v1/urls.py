@@ -5,7 +5,18 @@ No address ends with a slash: with a slash, the client is redirected.
 
 from django.urls import path, re_path
 
-from teleop.api.v1 import bookings, courses, events, index, lessons, own_data, records, unknown_address, views
+from teleop.api.v1 import (
+    bookings,
+    courses,
+    events,
+    index,
+    lessons,
+    own_data,
+    recordings,
+    records,
+    unknown_address,
+    views,
+)
 from teleop.api.v1.maps import maps, places
 from teleop.api.v1.robot import (
     cameras,
@@ -122,6 +133,20 @@ urlpatterns = [
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),
     path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),
     path("stop", stop_views.rest_stop_all, name="api-stop-all"),
+    path("recordings", recordings.RecordingsView.as_view(), name="api-recordings"),
+    path("recordings/<uuid:recording_id>", recordings.RecordingView.as_view(), name="api-recording"),
+    path("recordings/<uuid:recording_id>/kept", recordings.KeepView.as_view()),
+    path("recordings/<uuid:recording_id>/shares", recordings.SharesView.as_view()),
+    path("recordings/<uuid:recording_id>/shares/<int:number>", recordings.ShareView.as_view()),
+    path("recordings/<uuid:recording_id>/views", recordings.ViewsView.as_view()),
+    path("recordings/<uuid:recording_id>/picture", recordings.PictureView.as_view()),
+    path("recordings/<uuid:recording_id>/series", recordings.SeriesView.as_view()),
+    path("recordings/<uuid:recording_id>/file", recordings.FileView.as_view(), name="api-recording-file"),
+    path(
+        "recordings/<uuid:recording_id>/thumbnail",
+        recordings.ThumbnailView.as_view(),
+        name="api-recording-thumbnail",
+    ),
     path("bookings", bookings.BookingsView.as_view()),
     path("bookings/free", bookings.FreeView.as_view()),
     path("bookings/report", booking_report.BookingReportView.as_view()),

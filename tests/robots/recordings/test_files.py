@@ -8,54 +8,13 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
 from rosbags.rosbag1 import Reader
 
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
-
-ODOM = """float64[] speeds
-geometry_msgs/Point at
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-"""
-SECOND = 1_000_000_000
-
-
-def sample(seconds: int = 10, encoding: str = "ros1") -> io.BytesIO:
-    """A recording: a latched map, a topic of 10 Hz with two speeds and a place, pictures, and a channel of JSON."""
-    stream = io.BytesIO()
-    writer = Writer(stream, chunk_size=2000)
-    writer.start(profile="ros1", library="test")
-    kinds = {
-        "/map": writer.register_schema("std_msgs/String", "ros1msg", b"string data"),
-        "/odom": writer.register_schema("a_msgs/Odom", "ros1msg", ODOM.encode()),
-        "/camera": writer.register_schema("sensor_msgs/Image", "ros1msg", b"uint8[] data"),
-    }
-    channels = {
-        topic: writer.register_channel(
-            topic, encoding, kind, {"md5sum": "0" * 32, "latching": "1" if topic == "/map" else "0"}
-        )
-        for topic, kind in kinds.items()
-    }
-    view = writer.register_channel("/fleet/view", "json", writer.register_schema("v", "jsonschema", b"{}"))
-    text = struct.pack("<I", 3) + b"map"
-    writer.add_message(channels["/map"], 0, text, 0, 0)
-    for tick in range(seconds * 10):
-        at_ns = tick * SECOND // 10
-        odom = struct.pack("<Iddddd", 2, tick, -tick, 1.0, 2.0, tick / 10)
-        writer.add_message(channels["/odom"], at_ns, odom, at_ns, tick)
-        writer.add_message(channels["/camera"], at_ns, struct.pack("<I", 50) + bytes(50), at_ns, tick)
-        writer.add_message(view, at_ns, b'{"state":{"speed":%d}}' % tick, at_ns, tick)
-    writer.add_metadata("fleet", {"robot": "tiago-1"})
-    writer.finish()
-    stream.seek(0)
-    return stream
+from tests.robots.recordings.samples import SECOND, sample
 
 
 def test_a_window_and_the_newest_message_before_a_moment() -> None:

@@ -34,11 +34,12 @@ from robots.access.selectors import lab_date, role_on
 from robots.access.services import qualification_grant, role_set
 from robots.places.entries import PlaceEntry
 from robots.places.services import place_add
+from robots.recordings.models import Recording
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.shared.wire import TASK_KINDS, StopState
 from script.generate.messages import OPENAPI
 from teleop.control.scopes import ACTING
-from teleop.models import ControlSession, SharedLayout
+from teleop.models import ControlSession, RecordingShare, SharedLayout
 from teleop.records import refusals
 from teleop.stop import emergency_stop
 from teleop.webhooks.services import webhook_make
@@ -91,6 +92,15 @@ def robot_managed(done: str) -> Ends:
     return (
         f"permission_denied permission_denied not_found {done} {done}",
         f"permission_denied permission_denied permission_denied not_found {done}",
+        f"not_found not_found not_found not_found {done}",
+    )
+
+
+def recorded(done: str) -> Ends:
+    """The owner, a supervisor of the robot, also by a course, or staff."""
+    return (
+        everywhere(done)[0],
+        f"not_found not_found {done} not_found {done}",
         f"not_found not_found not_found not_found {done}",
     )
 
@@ -408,6 +418,24 @@ TABLE: dict[str, Row] = {
             "not_found not_found not_found not_found 200",
         ),
     ),
+    # recordings: one's own, a student's, a stranger's. Their files are on a computer that is out of reach
+    "recordings_list": Row(READ, "/recordings?robot={robot}", everywhere("200")),
+    "recordings_read": Row(READ, "/recordings/{recording}", recorded("recording_away")),
+    "recordings_views": Row(TOPICS, "/recordings/{recording}/views?from=0&to=1", recorded("recording_away")),
+    "recordings_picture": Row(
+        TOPICS, "/recordings/{recording}/picture?topic=/a&at=0", recorded("recording_away")
+    ),
+    "recordings_series": Row(
+        TOPICS, "/recordings/{recording}/series?topic=/a&field=b&from=0&to=1", recorded("recording_away")
+    ),
+    "recordings_file": Row(TOPICS, "/recordings/{recording}/file", recorded("recording_away")),
+    "recordings_thumbnail": Row(READ, "/recordings/{recording}/thumbnail", recorded("recording_away")),
+    "recordings_keep": Row(MANAGE, "/recordings/{recording}/kept", recorded("204"), {"kept": True}),
+    "recordings_share": Row(
+        MANAGE, "/recordings/{recording}/shares", recorded("201"), {"person": "colleague"}
+    ),
+    "recordings_unshare": Row(MANAGE, "/recordings/{recording}/shares/{share}", recorded("204")),
+    "recordings_delete": Row(MANAGE, "/recordings/{recording}", recorded("204")),
     "audit_list": Row(READ, "/audit?robot={robot}", OWN_STAY),
     "audit_read": Row(
         READ,
@@ -690,6 +718,18 @@ class Lab:
         session = ControlSession.objects.create(
             robot=robot, user=owner, fence=self._number, started_at=timezone.now(), ended_at=timezone.now()
         )
+        recording = Recording.objects.create(
+            robot=robot,
+            person=owner,
+            kind="by_hand",
+            begins_at=timezone.now(),
+            ends_at=timezone.now(),
+            file="a.mcap",
+            thumbnail=True,
+        )
+        share = RecordingShare.objects.create(
+            recording=recording, person=self.people["staff"], made_at=timezone.now()
+        )
         task = record("motion.start", actor=owner, robot_id=robot.id, robot_name=robot.name)
         period = OutOfService.objects.create(
             robot=robot,
@@ -725,6 +765,8 @@ class Lab:
             "turns": owner.username,
             "waiting": str(waiting.pk),
             "session": str(session.pk),
+            "recording": str(recording.pk),
+            "share": str(share.pk),
             "task": str(task.pk),
             "course": self.courses[place].slug,
             "member": "stranger" if place == "other" else "student",

@@ -62,6 +62,7 @@ AWAY = {
     "map_picture",
     "description_read",
     "mesh_read",
+    *(f"recordings_{name}" for name in ("file", "picture", "read", "series", "thumbnail", "views")),
 }
 
 

@@ -1,0 +1,58 @@
+"""The list of recordings, by the filters that pages and programs use."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+
+from django.db import connection
+from django.db.models import Q, QuerySet
+from msgspec import Struct
+
+from robots.recordings.models import Recording
+
+
+class Filters(Struct, frozen=True):
+    """What is searched. Empty: everything."""
+
+    robot: str = ""  # slug
+    person: str = ""  # user name, or part of a name
+    course: str = ""  # slug
+    kind: str = ""
+    event: str = ""
+    topic: str = ""
+    begin: datetime | None = None
+    end: datetime | None = None
+    words: str = ""  # in reason, robot and person
+
+
+def filtered(recordings: QuerySet[Recording], filters: Filters) -> QuerySet[Recording]:
+    """Return those that match."""
+    found = recordings
+    for field, value in (("robot__slug", filters.robot), ("course", filters.course), ("kind", filters.kind)):
+        if value:
+            found = found.filter(**{field: value})
+    if filters.person:
+        found = found.filter(
+            Q(person__username=filters.person) | Q(person__full_name__icontains=filters.person)
+        )
+    if filters.begin:
+        found = found.filter(ends_at__gt=filters.begin)
+    if filters.end:
+        found = found.filter(begins_at__lt=filters.end)
+    if filters.event:
+        found = found.filter(_has("events", "event", filters.event))
+    if filters.topic:
+        found = found.filter(_has("topics", "topic", filters.topic))
+    for word in filters.words.split()[:5]:
+        found = found.filter(
+            Q(reason__icontains=word) | Q(robot__name__icontains=word) | Q(person__full_name__icontains=word)
+        )
+    return found
+
+
+def _has(field: str, name: str, value: str) -> Q:
+    """Return the condition that one entry of a JSON list has this value. SQLite compares the text that it stores."""
+    if connection.vendor == "sqlite":
+        return Q(**{f"{field}__icontains": f"{json.dumps(name)}: {json.dumps(value)}"})
+    return Q(**{f"{field}__contains": [{name: value}]})

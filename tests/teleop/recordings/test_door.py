@@ -1,0 +1,146 @@
+"""Recordings through the API: what each person gets of a file on disk."""
+
+from __future__ import annotations
+
+import io
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.http import HttpResponseBase
+from django.test import Client
+from mcap.reader import make_reader
+from rosbags.rosbag1 import Reader
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.recordings.models import Recording
+from robots.registry.models import Robot
+from tests.robots.recordings.samples import sample
+from tests.teleop.recordings.test_sight import BEGAN, session
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def recording(robot: Robot, operator: User, tmp_path: Path, settings: Any) -> Recording:
+    """Ten seconds of the operator."""
+    settings.FLEET_VAR = tmp_path
+    (tmp_path / "one.mcap").write_bytes(sample(begins_s=int(BEGAN.timestamp())).getvalue())
+    session(robot, operator, -1, 0.05)  # until its third second
+    return Recording.objects.create(
+        robot=robot,
+        person=operator,
+        kind="black_box",
+        begins_at=BEGAN,
+        ends_at=BEGAN + timedelta(seconds=10),
+        directory=str(tmp_path),
+        file="one.mcap",
+        bytes=1000,
+        events=[{"event": "stop", "at": BEGAN.timestamp() + 5, "text": "Emergency stop", "by": "Olga"}],
+        topics=[{"topic": "/odom", "type": "a_msgs/Odom", "messages": 100, "dropped": 0}],
+    )
+
+
+def get(person: User, recording: Recording, rest: str = "", **headers: str) -> HttpResponseBase:
+    client = Client()
+    client.force_login(person)
+    return client.get(f"/api/v1/recordings/{recording.pk}{rest}", headers=headers)
+
+
+def content(answer: Any) -> bytes:
+    return b"".join(answer.streaming_content) if answer.streaming else answer.content
+
+
+def test_an_owner_replays_all(recording: Recording, operator: User) -> None:
+    detail = get(operator, recording).json()
+    assert (
+        detail["whole"] and detail["contents"]["parts"] == [[0.0, 10.0]] and detail["contents"]["has_views"]
+    )
+    [odom] = [one for one in detail["contents"]["channels"] if one["topic"] == "/odom"]
+    assert odom["messages"] == 100 and "at.z" in odom["fields"]
+    views = get(operator, recording, "/views?from=2&to=4").json()
+    assert [at for at, _ in views["views"]] == [round(2 + tick / 10, 1) for tick in range(21)]
+    assert views["views"][0][1] == {"state": {"speed": 20}}
+    series = get(operator, recording, "/series?topic=/odom&field=speeds[1]&from=0&to=1").json()
+    assert series["values"] == [-float(tick) for tick in range(11)]
+
+
+def test_a_student_gets_the_time_of_their_session_and_no_more(
+    recording: Recording, robot: Robot, operator: User, second_operator: User
+) -> None:
+    session(robot, second_operator, 0.05, 5)
+    assert get(operator, recording).json()["contents"]["parts"] == [[0.0, 3.0]]
+    views = get(operator, recording, "/views?from=2&to=9").json()
+    assert views["views"][-1][0] <= 3.0 and views["until_s"] == 3.0
+    for rest in (
+        "/views?from=4&to=5",
+        "/series?topic=/odom&field=at.x&from=4&to=5",
+        "/picture?topic=/camera&at=4",
+    ):
+        refused = get(operator, recording, rest)
+        assert refused.json()["code"] == "not_your_part", rest
+    file = io.BytesIO(content(get(operator, recording, "/file")))
+    times = [
+        message.log_time / 1e9 - BEGAN.timestamp() for _, _, message in make_reader(file).iter_messages()
+    ]
+    assert max(times) <= 3.001 and len(times) > 60
+    theirs = io.BytesIO(content(get(second_operator, recording, "/file?from=0&to=3.5")))
+    times = [
+        message.log_time / 1e9 - BEGAN.timestamp() for _, _, message in make_reader(theirs).iter_messages()
+    ]
+    assert min(times) >= 2.999 and max(times) <= 3.501
+
+
+def test_a_download_is_continued_and_on_record_once(
+    recording: Recording, operator: User, tmp_path: Path
+) -> None:
+    whole = (tmp_path / "one.mcap").read_bytes()
+    first = get(operator, recording, "/file", Range="bytes=0-99")
+    assert first.status_code == 206 and first["Content-Range"] == f"bytes 0-99/{len(whole)}"
+    got = content(first)
+    while len(got) < len(whole):  # a hundred breaks and more
+        got += content(get(operator, recording, "/file", Range=f"bytes={len(got)}-{len(got) + 99}"))
+    assert got == whole
+    assert get(operator, recording, "/file", Range=f"bytes={len(whole)}-").status_code == 416
+    assert content(get(operator, recording, "/file", **{"If-Range": '"old"', "Range": "bytes=5-"})) == whole
+    assert Record.objects.filter(kind="recording.download").count() == 2
+
+
+def test_a_bag_of_chosen_topics(recording: Recording, operator: User, tmp_path: Path) -> None:
+    answer = get(operator, recording, "/file?format=bag&topics=/odom,/fleet/view&from=1&to=2")
+    assert answer["Content-Disposition"] == 'attachment; filename="tiago-1-20261102T090000Z-part.bag"'
+    (tmp_path / "got.bag").write_bytes(content(answer))
+    with Reader(tmp_path / "got.bag") as bag:
+        assert {one.topic for one in bag.connections} == {"/odom", "/fleet/view"} and bag.message_count == 22
+    nothing = get(operator, recording, "/file?topics=/none")
+    assert nothing.json()["code"] == "nothing_in_it"
+
+
+def test_a_list_by_its_filters(recording: Recording, operator: User, stranger: User) -> None:
+    client = Client()
+    client.force_login(operator)
+    for query, count in (
+        ("", 1),
+        ("?event=stop&topic=/odom&kind=black_box&q=olga", 1),
+        ("?event=gate", 0),
+        ("?topic=/odo", 0),
+        ("?from=2026-11-02T09:00:05Z&to=2026-11-02T10:00:00Z", 1),
+        ("?from=2026-11-02T09:00:10Z", 0),
+        ("?q=%25", 0),
+    ):
+        assert len(client.get(f"/api/v1/recordings{query}").json()["recordings"]) == count, query
+    client.force_login(stranger)
+    assert client.get("/api/v1/recordings").json()["recordings"] == []
+
+
+def test_a_file_that_is_gone_or_broken_is_said(recording: Recording, operator: User, tmp_path: Path) -> None:
+    (tmp_path / "one.mcap").write_bytes(b"rubbish")
+    assert get(operator, recording).json()["code"] == "recording_unreadable"
+    (tmp_path / "one.mcap").unlink()
+    for rest in ("", "/file", "/file?format=bag", "/views?from=0&to=1"):
+        answer = get(operator, recording, rest)
+        assert answer.status_code == 503 and answer.json()["code"] == "recording_away", rest
+    Recording.objects.update(file="../../etc/passwd")
+    assert get(operator, recording, "/file").json()["code"] == "recording_away"
