@@ -14,3 +14,6 @@ WRITABLE = "fleet.writable"
 # Extension of a WebSocket's scope: a function that pings the client, which every WebSocket answers by itself. It gets a
 # function, which it calls with the seconds until the answer.
 PING = "fleet.ping"
+# Extension of a WebSocket's scope: the application calls it to get messages also while the client reads nothing, and
+# then bounds what it answers.
+READ_ON = "fleet.read_on"

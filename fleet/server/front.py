@@ -12,7 +12,7 @@ from typing import Any
 
 from fleet.base import stop_addresses
 from fleet.base.network_addresses import network_of
-from fleet.server import AT_ONCE, PING, WRITABLE, limits
+from fleet.server import AT_ONCE, PING, READ_ON, WRITABLE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
@@ -77,6 +77,7 @@ class Front:
             AT_ONCE: socket.receive_at_once,
             WRITABLE: guard.writable,
             PING: socket.ping,
+            READ_ON: guard.always_read,
         }
         try:
             await self._console({**scope, "extensions": extensions}, socket.receive, socket.send)

@@ -52,6 +52,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self._is_begun = False  # the application answers, and says when it is over
         self._is_cut = False  # the client may still send a body that nobody reads
         self._is_websocket = False
+        self._reads_always = False  # a WebSocket whose application bounds what it answers
         self._leaving = False  # the connection closes, and nothing more is read
         self._reads = True
         self._incoming = self._next_request()
@@ -186,10 +187,15 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
     def _may_send(self) -> bool:
         """Whether the client may send more."""
         if self._is_websocket:
-            has_room = self.unread_bytes <= limits.UNREAD_BYTES and self.writable.is_set()
+            takes = self._reads_always or self.writable.is_set()
+            has_room = self.unread_bytes <= limits.UNREAD_BYTES and takes
         else:
             has_room = len(self._unhandled) <= limits.UNHANDLED_BYTES
         return has_room and not self._leaving
+
+    def always_read(self) -> None:
+        """From now on read also while the client reads nothing."""
+        self._reads_always = True
 
     def read_on(self) -> None:
         """Handle what waits, then read on."""

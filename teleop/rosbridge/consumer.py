@@ -16,7 +16,7 @@ from django.db import DatabaseError
 
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import TokenInvalid
-from fleet.server import PING
+from fleet.server import PING, READ_ON, WRITABLE
 from robots.link.client import BridgeLink
 from robots.shared import wire
 from robots.shared.sentences import say
@@ -53,7 +53,7 @@ log = logging.getLogger(__name__)
 
 STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
 PING_S = 0.5
-MOST_EARLY = 100
+MOST_WAITING = 100  # operations of one client
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
@@ -85,8 +85,9 @@ class RosbridgeConsumer(ControllingSocket):
         self._link: BridgeLink | None = None  # of the robot, as its topics are read
         self._level = "warning"
         self._reassembly = Reassembly()
-        # Operations that wait for the link of a new connection; None: it has been tried
-        self._early: deque[Operation] | None = deque()
+        # Operations that wait: for the link of a new connection, or for a client that does not read
+        self._waiting: deque[Operation] = deque()
+        self._acting: asyncio.Task[None] | None = None  # on them
         self._numbers = count(1)
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
         self._trip_s: float | None = None  # to the client and back
@@ -125,7 +126,9 @@ class RosbridgeConsumer(ControllingSocket):
                 self._publishing = family
         if ping := self.scope.get("extensions", {}).get(PING):
             self._pinging = run_in_background(self._keep_pinging(ping))
-        run_in_background(self._settle())
+        if read_on := self.scope.get("extensions", {}).get(READ_ON):
+            read_on()
+        self._acting = run_in_background(self._settle())
 
     async def _settle(self) -> None:
         """Wait for the link, and tell the client if the robot is out of reach. Then act on what has come meanwhile."""
@@ -135,9 +138,15 @@ class RosbridgeConsumer(ControllingSocket):
             await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
         await self.hub.wait_for_link()
         self.report_bridge_gone()
-        while self._early:
-            await self._act(self._early.popleft())
-        self._early = None
+        await self._act_on_waiting()
+
+    async def _act_on_waiting(self) -> None:
+        """Act on what waits, as fast as the client reads the answers."""
+        extensions = self.scope.get("extensions", {})
+        while self._waiting:
+            if writable := extensions.get(WRITABLE):
+                await writable.wait()
+            await self._act(self._waiting.popleft())
 
     async def _keep_pinging(self, ping: Callable[[Callable[[float], None]], None]) -> None:
         """While the client has control, see that it is there, and how far away: it may have nothing to send."""
@@ -164,8 +173,8 @@ class RosbridgeConsumer(ControllingSocket):
             self._unknown.cancel()
         if self._pinging:
             self._pinging.cancel()
-        if self._early:
-            self._early.clear()
+        if self._acting:
+            self._acting.cancel()
         for family in self.families:
             family.leave()
         await super().on_close()
@@ -196,13 +205,28 @@ class RosbridgeConsumer(ControllingSocket):
             self.stop_button.press(self.hub.link, flood=not self.spend())
         elif not await self.within_budget(wire.kind_of(operation)):
             return
-        elif self.families and self._early is not None:
-            if len(self._early) < MOST_EARLY:
-                self._early.append(operation)
-            else:
-                await self.refuse(wire.kind_of(operation), BUSY, operation.id)
+        elif self._must_wait(operation):
+            await self._wait(operation)
             return
         await self._act(operation)
+
+    def _must_wait(self, operation: Operation) -> bool:
+        """Return whether the operation has to wait: its answer could not be sent, or it needs the link."""
+        if not self.families or not (self._is_acting or self.is_behind()):
+            return False
+        return not (self._publishing and self._publishing.drives(operation))
+
+    async def _wait(self, operation: Operation) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            await self.refuse(wire.kind_of(operation), BUSY, operation.id)
+            return
+        self._waiting.append(operation)
+        if not self._is_acting:
+            self._acting = run_in_background(self._act_on_waiting())
+
+    @property
+    def _is_acting(self) -> bool:
+        return self._acting is not None and not self._acting.done()
 
     async def _act(self, operation: Operation) -> None:
         of = wire.kind_of(operation)

@@ -136,6 +136,10 @@ class Publishing(Family):
         offers = self.client.hub.link.offers
         return offers.uses["drive"].type if offers and "drive" in offers.uses else _TWIST
 
+    def drives(self, operation: Operation) -> bool:
+        """Return whether this is a velocity."""
+        return isinstance(operation, Publish) and full_name(operation.topic) in self._drive_topics
+
     def at_once(self, raw: str) -> bool:
         """Forward a velocity of the holder by the lane. False: it is something else, or needs an answer."""
         link = self.client.hub.link

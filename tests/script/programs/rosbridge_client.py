@@ -88,8 +88,9 @@ class RosbridgeClient:
         with suppress(ConnectionClosed):
             async for raw in self.socket:
                 message = json.loads(raw)
-                if message["op"] == "service_response":
-                    self._answers[message["id"]].set_result(message)
+                is_answer = message["op"] == "service_response"
+                if is_answer and (answer := self._answers.get(message["id"])):
+                    answer.set_result(message)
                 async with self._news:
                     if message["op"] == "status":
                         self.status.append(message["msg"])

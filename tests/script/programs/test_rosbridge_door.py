@@ -103,9 +103,9 @@ async def test_a_frame_of_a_megabyte_closes_with_its_reason(client):
         await driver.call("/fleet/take_control")
 
 
-async def test_a_client_that_stops_reading_harms_nobody_and_gets_the_newest(stack, client):
-    """It reads a scan of 5 kB, 15 times a second; its connection takes a few of them."""
-    async with client("operator") as slow, client("observer") as other:
+async def test_a_client_that_stops_reading_harms_nobody_and_still_stops(client, page):
+    """Its connection holds some pictures of a megabyte, then it is behind."""
+    async with client("operator") as slow, client("observer") as other, page("supervisor") as supervisor:
         for one in (slow, other):
             await one.send({"op": "subscribe", "topic": "/xtion/rgb/image_raw", "queue_length": 1})
             await one.send({"op": "subscribe", "topic": "/scan_raw", "throttle_rate": 0})
@@ -114,10 +114,14 @@ async def test_a_client_that_stops_reading_harms_nobody_and_gets_the_newest(stac
         for _ in range(3):
             other.messages.clear()
             await other.until(lambda: len(other.messages) > 20)
+        await slow.send({"op": "call_service", "service": "/fleet/stop", "id": "stop"})
+        await supervisor.until(lambda: supervisor.state.stop.state != "clear")
         slow.messages.clear()
         slow.resume()
         newest = _stamp(other.messages[-1])
         await slow.until(lambda: any(_stamp(message) >= newest for message in slow.messages))
+        await supervisor.until(lambda: supervisor.state.stop.state == "stopped")
+        await supervisor.clear()
 
 
 def _stamp(message: dict[str, Any]) -> float:

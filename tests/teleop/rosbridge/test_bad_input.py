@@ -1,15 +1,18 @@
 """Rubbish at the rosbridge door: each gets a status with a code, nothing grows, and the connection lives."""
 
+import asyncio
 import json
 
 import pytest
 
+from fleet.server import WRITABLE
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.live.consumers import message_socket
 from teleop.live.consumers.message_socket import FLOOD_BURST, CloseCode
-from teleop.rosbridge import publishing, reassembly
+from teleop.rosbridge import consumer, publishing, reassembly
 from teleop.rosbridge.operations import LARGEST_BYTES
+from tests.teleop.rosbridge.support import Client
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -90,6 +93,28 @@ async def test_a_flood_is_told_and_closed(driver):
         await driver.say_raw("go!")
     await driver.told("flood")
     assert await driver.is_closed() == CloseCode.FLOOD
+
+
+async def test_a_client_that_does_not_read_drives_and_stops(robot, make_token, bridge, monkeypatch):
+    monkeypatch.setattr(consumer, "MOST_WAITING", 1)
+    reads = asyncio.Event()
+    reads.set()
+    client = Client(robot.slug, token=await make_token("operator"))
+    client._socket.scope["extensions"] = {WRITABLE: reads}
+    await client.open()
+    await client.take()
+    reads.clear()
+    await client.send("subscribe", topic="/a", throttle_rate=-1)
+    await client.send("publish", topic="/cmd_vel", msg={"linear": {"x": 0.3}})
+    await bridge.hears(wire.LinkVelocity, lambda sent: sent.order.fields == {"linear": {"x": 0.3}})
+    assert (await client.call("/fleet/stop"))["result"]
+    await bridge.hears(wire.LinkStop)
+    await client.send("unadvertise", topic="/a")
+    await client.told("busy")
+    assert not client.inbox
+    reads.set()
+    await client.told("invalid")
+    await client.close()
 
 
 # --- fragments -------------------------------------------------------------------------------------------------
