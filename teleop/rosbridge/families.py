@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from teleop.rosbridge.action_goals import ActionGoals
+from teleop.rosbridge.actions.action_goals import ActionGoals
 from teleop.rosbridge.clients.services import ClientServices
 from teleop.rosbridge.clients.topics import ActionTopics
 from teleop.rosbridge.control_services import ControlServices

@@ -1,1 +1,1 @@
-"""Goals of the robot's actions, as tasks of the chain. `translation`: from goals to tasks; `ends`: how tasks end."""
+"""Goals of actions, as tasks of the chain. `action_goals`: the family; `translation`: goals to tasks; `ends`: of tasks."""

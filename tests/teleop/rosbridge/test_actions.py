@@ -10,6 +10,7 @@ from fleet.audit.models import Record
 from robots.shared import wire
 from teleop.rosbridge.actions import goals, reports
 from tests.teleop.support import IDLE, eventually
+from tests.teleop.tap.support import FakeTap
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -40,6 +41,38 @@ async def test_a_goal_is_a_task_and_its_end_the_result(driver, bridge):
     ended(bridge, 1, "succeeded")
     result = await driver.hears_op("action_result", id="send_action_goal:/play_motion:1")
     assert (result["result"], result["status"], result["action"]) == (True, SUCCEEDED, "/play_motion")
+
+
+def said(id_: str, **fields) -> dict:
+    return {
+        "header": {},
+        "status": {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": id_}, "status": 1},
+        **fields,
+    }
+
+
+async def test_the_robots_feedback_and_result_come_under_the_clients_id(driver, bridge, robot, monkeypatch):
+    monkeypatch.setattr(reports, "READY_S", 10.0)
+    monkeypatch.setattr(goals, "RESULT_S", 10.0)
+    tap = FakeTap(robot)
+    topics = ["/play_motion/feedback", "/play_motion/result"]
+    try:
+        await sends(driver, "mine")
+        await tap.start(bridge)
+        await tap.until(lambda wanted: all(topic in wanted for topic in topics))
+        assert not bridge.all(wire.Play), "the goal waits until nothing that the robot says is missed"
+        for topic in topics:
+            tap.describe(topic)
+        await bridge.hears(wire.Play)
+        await driver.call("/fleet/renew_control")  # answered after the bridge accepted the goal
+        tap.publish(topics[0], said("another node's", feedback={"at": 1}))
+        tap.publish(topics[0], said(f"{wire.GOAL_PREFIX}7-x", feedback={"at": 2}))
+        assert (await driver.hears_op("action_feedback", id="mine"))["values"] == {"at": 2}
+        ended(bridge, 1, "succeeded")
+        tap.publish(topics[1], said(f"{wire.GOAL_PREFIX}7-x", result={"error_code": 1}))
+        assert (await driver.hears_op("action_result", id="mine"))["values"] == {"error_code": 1}
+    finally:
+        await tap.close()
 
 
 async def test_an_older_end_is_not_the_goals(driver, bridge):
