@@ -1,1 +1,1 @@
-"""Goals of actions, as tasks of the chain. `action_goals`: the family; `translation`: goals to tasks; `ends`: of tasks."""
+"""Goals of actions as tasks. `action_goals`: the family; `translation`: from goals to tasks; `ends`: how tasks end."""
