@@ -70,6 +70,11 @@ class Crowd:
         await self._process.wait()
         await self._reader
 
+    @property
+    def pid(self) -> int:
+        """Return the process id of the viewers."""
+        return self._process.pid
+
     async def watch(self, *, on: bool) -> None:
         """Begin or end watching the camera or topic, on all viewers."""
         assert self._process.stdin  # noqa: S101 - we asked for a pipe

@@ -1,5 +1,6 @@
 """The rosbridge door: commands beside the page's, 50 readers of a laser, a map and pictures beside commands, a flood.
 
+Readers and observers have a lower real-time priority than the console's loops: they would be on other computers.
 An unauthenticated rosbridge needs 8.8 ms (p50) and 20 % of a core for 50 readers of a laser on a machine like ours; it
 cannot be installed from Debian or PyPI, so limits are a third of these. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SECONDS`,
 `FLEET_BENCH_SLOTS`: fewer parts, shorter parts.
@@ -21,7 +22,7 @@ from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.observer import Observer, start_ros_side
-from benchmarks.parts.priority import prefer_loops_or_say
+from benchmarks.parts.priority import prefer_loops_or_say, prefer_witness
 from benchmarks.parts.viewer_crowd import Crowd
 from script.stack.client import Driver, open_socket, sign_in
 from script.stack.places import REPOSITORY
@@ -134,6 +135,7 @@ class Bench:
             Driver(self._stack, ROBOT, operator) as page,
             RosbridgeDriver(self._stack, self._token, page) as door,
         ):
+            prefer_witness(observer.pid)
             for _ in range(self._slots):
                 await page.take()
                 page_s += await drive(page, observer, SLOT)
@@ -161,6 +163,7 @@ class Bench:
         idle, _ = await self._used(0)
         laser = start_ros_side(self._stack, self._robot, "laser")
         async with self._readers("/bench_laser", READERS) as crowd:
+            prefer_witness(crowd.pid)
             await crowd.until_all_see()
             await asyncio.sleep(SETTLED_S)
             crowd.seen.clear()
@@ -185,6 +188,7 @@ class Bench:
         figures: list[Figure] = []
         operator = await asyncio.to_thread(sign_in, self._stack, "operator")
         async with Observer(self._robot) as observer, Driver(self._stack, ROBOT, operator) as page:
+            prefer_witness(observer.pid)
             await page.take()
             for role, what in BESIDE.items():
                 progress(f"commands beside {what}, and without, in turn ...")
@@ -215,6 +219,7 @@ class Bench:
         progress("ten thousand messages a second ...")
         flood = start_ros_side(self._stack, self._robot, "tiny")
         async with self._readers("/bench_tiny", 1) as crowd:
+            prefer_witness(crowd.pid)
             await crowd.until_all_see()
             await asyncio.sleep(SETTLED_S)
             crowd.seen.clear()
