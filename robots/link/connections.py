@@ -21,10 +21,11 @@ from robots.shared.processes.one_supervisor import LOCK, supervised
 from robots.shared.sentences import catalogued, say
 from robots.shared.wire import NotDone, Refusal
 
-_PING_S = 1.0
+PING_S = 1.0
 _CLOSE_S = 0.2
-# `max_size` is far above the largest real report, because a larger message would close the link, also for stops.
-_COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
+# Far above the largest real report, because a larger message would close the link, also for stops.
+LARGEST = 8 * 1024 * 1024
+_COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": LARGEST}
 
 _DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
 _UNSUPERVISED = catalogued(
@@ -44,33 +45,37 @@ class LinkRefused(NotDone):
 
 @asynccontextmanager
 async def open_link(
-    address: LinkAddress, close_timeout: float | None = 10.0
+    address: LinkAddress,
+    close_timeout: float | None = 10.0,
+    ping_s: float = PING_S,
+    max_size: int = LARGEST,
 ) -> AsyncIterator[ClientConnection]:
     """Context: a lasting connection, by the Unix socket if the bridge is on this computer.
 
-    `close_timeout`: how long (s) its end may wait for the other side.
+    `close_timeout`: how long (s) its end may wait for the other side. `ping_s`: the longest time that a connection
+    over the network may be silent. `max_size` (bytes) of a message.
     """
-    socket = await _opened(address, close_timeout)
+    socket = await _opened(address, close_timeout, ping_s, max_size)
     try:
         yield socket
     finally:
         await socket.close()
 
 
-async def _opened(address: LinkAddress, close_timeout: float | None) -> ClientConnection:
+async def _opened(
+    address: LinkAddress, close_timeout: float | None, ping_s: float, max_size: int
+) -> ClientConnection:
+    options = _COMMON_OPTIONS | {"close_timeout": close_timeout, "max_size": max_size}
     if address.unix_path:
         with suppress(*_not_here(address)):
-            return await unix_connect(
-                address.unix_path, ping_interval=None, close_timeout=close_timeout, **_COMMON_OPTIONS
-            )
+            return await unix_connect(address.unix_path, ping_interval=None, **options)
     return await connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
-        close_timeout=close_timeout,
-        ping_interval=_PING_S,
-        ping_timeout=_PING_S,
-        **_COMMON_OPTIONS,
+        ping_interval=ping_s,
+        ping_timeout=ping_s,
+        **options,
     )
 
 

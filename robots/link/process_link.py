@@ -12,7 +12,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots.link.client import BridgeLink
-from robots.link.connections import open_link
+from robots.link.connections import LARGEST, PING_S, open_link
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.wire import ProcessAt, ProcessName, Refusal
@@ -24,7 +24,13 @@ CLOSE_S = 0.2
 
 
 class ProcessLink(ABC):
-    """The connection for one robot. If the process starts again, this class connects to its new address."""
+    """The connection for one robot. If the process starts again, this class connects to its new address.
+
+    `ping_s`: the longest time that it may be silent over a network. `max_size` (bytes) of a message.
+    """
+
+    ping_s = PING_S
+    max_size = LARGEST
 
     def __init__(self, link: BridgeLink, name: ProcessName, wants: msgspec.Struct, starting: Refusal) -> None:
         self._link = link
@@ -81,7 +87,7 @@ class ProcessLink(ABC):
                 self._moved.clear()
                 continue
             try:
-                async with open_link(address, close_timeout=CLOSE_S) as socket:
+                async with open_link(address, CLOSE_S, self.ping_s, self.max_size) as socket:
                     pause_s = RETRY_S[0]
                     await self._run(socket)
             except (TimeoutError, OSError, InvalidHandshake, ConnectionClosed, ValueError) as error:

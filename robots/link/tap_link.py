@@ -9,7 +9,7 @@ import msgspec
 from robots.link.client import BridgeLink
 from robots.link.process_link import ProcessLink
 from robots.shared import wire
-from robots.shared.wire import Refusal, TapHeader, TapState, TapWants
+from robots.shared.wire import LARGEST_TAPPED, TAP_PING_S, Refusal, TapHeader, TapState, TapWants
 
 STARTING = Refusal("tap_starts", "The process that reads topics starts: wait a moment.", "robot")
 
@@ -31,6 +31,9 @@ class TapListener(Protocol):
 
 class TapLink(ProcessLink):
     """The connection for one robot."""
+
+    ping_s = TAP_PING_S
+    max_size = LARGEST_TAPPED
 
     def __init__(self, link: BridgeLink, listener: TapListener) -> None:
         self._listener = listener

@@ -14,7 +14,7 @@ import msgspec
 from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from robots.bridge.server.listening import listen, remove_socket
+from robots.bridge.server.listening import PING_S, listen, remove_socket
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.wire import ProcessAt, ProcessName, WireError
 
@@ -54,7 +54,9 @@ W = TypeVar("W", bound=WebProcess)
 
 
 class ProcessServer(ABC, Generic[W]):
-    """Accepts web processes."""
+    """Accepts web processes. `ping_s`: the longest time that a connection over a network may be silent."""
+
+    ping_s = PING_S
 
     def __init__(self, name: ProcessName, address: LinkAddress) -> None:
         unix_path = socket_path(address.unix_path, name) if address.unix_path else None
@@ -73,7 +75,7 @@ class ProcessServer(ABC, Generic[W]):
 
     async def start(self) -> ProcessAt:
         """Start to listen; return the address."""
-        self._servers = await listen(self._address, self._serve)
+        self._servers = await listen(self._address, self._serve, self.ping_s)
         sockets = [socket for server in self._servers for socket in server.sockets]
         ports = [socket.getsockname()[1] for socket in sockets if socket.family != AF_UNIX]
         return ProcessAt(self._name, self._address.unix_path, next(iter(ports), None))

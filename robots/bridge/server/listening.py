@@ -19,17 +19,20 @@ from robots.shared.configuration.bridge_config import LinkAddress
 
 log = logging.getLogger(__name__)
 
-_PING_S = 1.0  # TCP only: a cut cable closes no connection
+PING_S = 1.0  # TCP only: a cut cable closes no connection
 
 
 Serve = Callable[[ServerConnection], Awaitable[None]]  # runs for each connection until it returns
 
 
-async def listen(address: LinkAddress, serve_connection: Serve) -> list[Server]:
-    """Listen on the Unix socket, and on host and port if the address has them."""
+async def listen(address: LinkAddress, serve_connection: Serve, ping_s: float = PING_S) -> list[Server]:
+    """Listen on the Unix socket, and on host and port if the address has them.
+
+    `ping_s`: the longest time that a connection over the network may be silent.
+    """
     servers = [await _listen_here(address.unix_path, serve_connection)] if address.unix_path else []
     if address.host:
-        servers.append(await _listen_on_network(address, serve_connection))
+        servers.append(await _listen_on_network(address, serve_connection, ping_s))
     return servers
 
 
@@ -48,7 +51,7 @@ async def _listen_here(path: str, serve_connection: Serve) -> Server:
         os.umask(umask)
 
 
-async def _listen_on_network(address: LinkAddress, serve_connection: Serve) -> Server:
+async def _listen_on_network(address: LinkAddress, serve_connection: Serve, ping_s: float) -> Server:
     return await serve(
         serve_connection,
         address.host,
@@ -56,8 +59,8 @@ async def _listen_on_network(address: LinkAddress, serve_connection: Serve) -> S
         ssl=_tls(address),
         process_request=partial(_check_secret, address),
         compression=None,
-        ping_interval=_PING_S,
-        ping_timeout=_PING_S,
+        ping_interval=ping_s,
+        ping_timeout=ping_s,
     )
 
 

@@ -111,6 +111,8 @@ class _Readers(WebProcess):
 class TapServer(ProcessServer[_Readers]):
     """Accepts web processes. `set_wanted` gets the topics that all of them read."""
 
+    ping_s = wire.TAP_PING_S
+
     def __init__(
         self, address: LinkAddress, set_wanted: Callable[[Wanted], None], wake: Callable[[], None]
     ) -> None:

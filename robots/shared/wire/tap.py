@@ -18,6 +18,8 @@ FORMS: tuple[Form, ...] = get_args(Form)
 MOST_TAPPED = 200  # topics of one robot through one web process
 MOST_QUEUED = 100  # messages of a topic
 LARGEST_BODY = 16 * 1024 * 1024  # bytes
+LARGEST_TAPPED = LARGEST_BODY + 64 * 1024  # with its header
+TAP_PING_S = 10.0  # on a slow network one message takes seconds, and an answer to a ping waits behind it
 
 
 class TapWant(Struct, frozen=True):

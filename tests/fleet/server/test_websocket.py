@@ -1,5 +1,7 @@
 """WebSockets through the real web process."""
 
+import time
+
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -40,6 +42,20 @@ def test_handshakes_keep_no_place_of_a_request(web):
         with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=origin, compression=None):
             pass
     assert b" 200 OK" in web.say(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
+
+
+def test_the_application_hears_whether_the_client_reads(tmp_path):
+    application = [*daphne()[:-1], "tests.fleet.server.sized:application"]
+    with (
+        served(tmp_path, console_environment(tmp_path, "127.0.0.1"), application) as web,
+        connect(f"ws://127.0.0.1:{web.port}/", max_size=None, max_queue=1) as client,
+    ):
+        client.send("much")
+        time.sleep(0.5)  # the client reads only the next few messages
+        count, message = 0, client.recv()
+        while isinstance(message, bytes):
+            count, message = count + 1, client.recv()
+        assert 1 < int(message) == count < 50
 
 
 def test_only_messages_of_clients_have_a_largest_size(tmp_path):

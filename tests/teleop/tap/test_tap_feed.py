@@ -70,6 +70,15 @@ async def test_a_message_is_read_once_for_all_readers(open_reader, tap):
     assert [await reader.hears() for reader in readers] == 3 * [{"data": 1}]
 
 
+async def test_the_largest_message_arrives(open_reader, tap):
+    reader = await open_reader()
+    large = "x" * (wire.LARGEST_BODY - 2)
+    tap.publish("/a", large)
+    assert len(await reader.hears()) == len(large)
+    tap.publish("/a", large + "x")
+    await reader.learns(lambda state: state.refusal and state.refusal.code == "too_large")
+
+
 async def test_each_message_of_a_burst_arrives(open_reader, tap):
     reader = await open_reader()
     for number in range(30):
