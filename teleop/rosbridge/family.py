@@ -43,6 +43,9 @@ class Client(Protocol):
     def spend(self) -> bool:
         """Count one operation. False: it exceeds the flood limit."""
 
+    def forwarded(self, was_sent: bool, began_s: float) -> None:
+        """Count a velocity that was passed to the link, by the time since it came (`time.perf_counter`)."""
+
     def is_behind(self) -> bool:
         """Return whether the client has not read what was sent."""
 

@@ -142,7 +142,7 @@ class Publishing(Family):
 
     def at_once(self, raw: str) -> bool:
         """Forward a velocity of the holder by the lane. False: it is something else, or needs an answer."""
-        link = self.client.hub.link
+        link, began_s = self.client.hub.link, time.perf_counter()
         if not link.has_lane or '"publish"' not in raw[:40] or not self.client.opens(Scope.DRIVE):
             return False
         try:
@@ -151,7 +151,8 @@ class Publishing(Family):
             return False
         if full_name(twist.topic) not in self._drive_topics or not self.client.spend():
             return False
-        link.forward_by_lane(_encoded(self._order(twist.topic, twist.msg)))
+        was_sent = link.forward_by_lane(_encoded(self._order(twist.topic, twist.msg)))
+        self.client.forwarded(was_sent, began_s)
         return True
 
     def _order(self, topic: str, fields: Any) -> _Order:
@@ -186,7 +187,8 @@ class Publishing(Family):
             raise NotDone(NO_LEASE)
         order = self._order(operation.topic, operation.msg)
         wire.browser_message(_encode(order))  # of what the bridge cannot read, it could not say whose it was
-        await self.client.hub.link.forward(_encoded(order))
+        began_s = time.perf_counter()
+        self.client.forwarded(await self.client.hub.link.forward(_encoded(order)), began_s)
 
     def _type_of(self, topic: str) -> str:
         """Return the type of a message: as advertised, else as on the allow-list. Raises `NotDone`."""

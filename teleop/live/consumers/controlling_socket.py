@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from functools import partial
 from uuid import UUID
 
@@ -50,6 +51,13 @@ class ControllingSocket(RobotSocket):
     def delays(self) -> Delays:
         """Return how late the client is, for the bridge."""
         return Delays()
+
+    def forwarded(self, was_sent: bool, began_s: float) -> None:
+        """Count a drive input that was passed to the link, by the time since it came."""
+        if was_sent:
+            self.hub.forward_durations.add(time.perf_counter() - began_s)
+        else:
+            self.refused["link_busy"] += 1  # a newer drive input follows in a moment
 
     async def end_control(self, control: ControlHolder) -> None:
         """Stop the robot at once: the connection is gone. The lease can be resumed if the client comes back."""

@@ -107,19 +107,13 @@ class RobotConsumer(ControllingSocket):
         may = isinstance(drive, wire.Drive) and drive.fence == self.fence and self.opens(Scope.DRIVE)
         if not may or not self.spend():
             return False
-        self._forwarded(link.forward_by_lane(raw), began_s)
+        self.forwarded(link.forward_by_lane(raw), began_s)
         return True
-
-    def _forwarded(self, was_sent: bool, began_s: float) -> None:
-        if was_sent:
-            self.hub.forward_durations.add(time.perf_counter() - began_s)
-        else:
-            self.refused["link_busy"] += 1  # a newer drive input follows in a moment
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         if drive.fence == self.fence:
             began_s = time.perf_counter()
-            self._forwarded(await self.hub.link.forward(raw), began_s)
+            self.forwarded(await self.hub.link.forward(raw), began_s)
             return
         refusal = check_fence(drive.fence, self.fence)
         if refusal is not None:
