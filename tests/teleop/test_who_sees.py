@@ -76,6 +76,10 @@ SOCKETS: dict[str, str | None] = {
     "ws/robots/<slug:slug>/": "control",
     "ws/robots/<slug:slug>/topics/": None,
     "ws/robots/<slug:slug>/camera/": None,
+    "rosbridge/<slug:slug>": None,
+    "rosbridge/<slug:slug>/": None,
+    "foxglove/<slug:slug>": None,
+    "foxglove/<slug:slug>/": None,
     "": None,  # every other address
 }
 
