@@ -28,14 +28,30 @@ def test_a_package_of_the_distribution_shadows_none(tmp_path, shadow):
     assert not of_distribution.startswith(sys.prefix)
 
 
-WATCHDOG = (
-    "from robots.bridge.watchdog.lean import leave_out; leave_out(); import robots.bridge.watchdog.process, sys;"
-    " print(*[name for name in ('django', 'numpy', 'ssl', 'catkin_pkg', 'robots.bridge.gate', 'asyncio')"
-    " if sys.modules.get(name)])"
+LEAN = "from robots.bridge.ros.lean import leave_out, lighten; lighten(); "
+WITHOUT_NUMPY = "leave_out('numpy', 'ssl'); import robots.bridge.watchdog.process"
+WITHOUT_DATABASE = "leave_out('ssl'); import robots.bridge.audit.remote_sink, robots.bridge.process"
+NEITHER = ["django", "ssl", "_ssl", "_hashlib", "catkin_pkg", "geometry_msgs.msg._Wrench"]
+
+
+@pytest.mark.parametrize(
+    ("program", "not_wanted"),
+    [
+        (WITHOUT_NUMPY, [*NEITHER, "numpy", "asyncio", "robots.bridge.gate"]),
+        (WITHOUT_DATABASE, [*NEITHER, "cbor2"]),
+    ],
+    ids=["watchdog", "bridge"],
 )
+def test_a_process_of_each_robot_imports_little(program, not_wanted):
+    show = f"; import sys; print(*[name for name in {not_wanted} if sys.modules.get(name)])"
+    assert printed(program + show) == []
 
 
-def test_the_watchdog_imports_little():
-    """One runs for each robot: numpy and its kin would double its memory."""
-    run = subprocess.run([sys.executable, "-c", WATCHDOG], capture_output=True, text=True, check=True)
-    assert run.stdout.split() == []
+def test_left_out_messages_come_when_they_are_asked_for():
+    ask = "import std_msgs.msg as kinds; print(kinds.String('here').data, hasattr(kinds, 'Nothing'))"
+    assert printed(ask) == ["here", "False"]
+
+
+def printed(program: str) -> list[str]:
+    run = subprocess.run([sys.executable, "-c", LEAN + program], capture_output=True, text=True, check=True)
+    return run.stdout.split()

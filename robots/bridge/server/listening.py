@@ -6,16 +6,19 @@ import hmac
 import http
 import logging
 import os
-import ssl
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 from socket import AF_UNIX
+from typing import TYPE_CHECKING
 
 from websockets.asyncio.server import Server, ServerConnection, serve, unix_serve
 from websockets.http11 import Request, Response
 
 from robots.shared.configuration.bridge_config import LinkAddress
+
+if TYPE_CHECKING:
+    import ssl
 
 log = logging.getLogger(__name__)
 
@@ -88,6 +91,8 @@ def _tls(address: LinkAddress) -> ssl.SSLContext:
     """Return a context for TLS 1.2 or newer with our certificate. A TCP link needs certificate and secret."""
     if not (address.certificate and address.private_key and address.secret):
         raise ValueError("a TCP link needs a certificate, a private key and a shared secret")
+    import ssl  # left out of bridges without a network address
+
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     context.load_cert_chain(address.certificate, address.private_key)
     return context

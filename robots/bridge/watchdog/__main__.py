@@ -2,10 +2,11 @@
 
 import sys
 
-from robots.bridge.watchdog.lean import leave_out
+from robots.bridge.ros.lean import leave_out, lighten
 
 if __name__ == "__main__":
-    leave_out()
+    lighten()
+    leave_out("numpy", "ssl")
 
     import msgspec
 

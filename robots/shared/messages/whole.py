@@ -10,7 +10,6 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import cbor2
 import msgspec
 import numpy as np
 
@@ -87,6 +86,8 @@ def json_encoder(definition: Sequence[Field]) -> Encode:
 
 def cbor_encoder(definition: Sequence[Field]) -> Encode:
     """Return the encoder to CBOR, as rosbridge does: arrays of numbers are typed arrays."""
+    import cbor2  # here, because a bridge encodes none
+
     read = _reader(definition, _tagged_numbers)
     return lambda data: cbor2.dumps(read(data))
 
@@ -102,6 +103,8 @@ def _tagged_numbers(type_name: str, data: memoryview) -> Any:
         return bytes(data)
     if type_name == "bool":
         return list(map(bool, data))
+    import cbor2
+
     return cbor2.CBORTag(_CBOR_TAGS[type_name], bytes(data))
 
 

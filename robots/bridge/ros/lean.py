@@ -1,0 +1,53 @@
+"""Keeps out of bridge and watchdog what rospy and its parts import and they never use: one of each runs for each robot.
+
+All of it is optional to who imports it: of roslib rospy asks only whether a shell uses it, which it is told; pydoc
+describes methods of XML-RPC on a page that nobody opens; without numpy genpy knows no numpy numbers, without ssl there
+is no TLS, without OpenSSL hashlib computes by itself. Packages of messages import all their classes; here they import
+each one when it is asked for.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+import robots.shared.ros  # noqa: F401  (makes ROS importable)
+
+MESSAGES = ("actionlib_msgs", "geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
+
+
+def leave_out(*modules: str) -> None:
+    """Let imports of these modules raise ImportError. Call this before anything imports them."""
+    sys.modules.update(dict.fromkeys(modules))  # type: ignore[arg-type]
+
+
+def lighten() -> None:
+    """Leave out what neither process needs. Call this first."""
+    leave_out("_hashlib")
+    pydoc = sys.modules["pydoc"] = ModuleType("pydoc")
+    pydoc.HTMLDoc = object  # type: ignore[attr-defined]  # the base of a class
+    sys.modules["roslib"] = ModuleType("roslib")
+    for package in MESSAGES:
+        sys.modules[f"{package}.msg"] = import_module(package).msg = _Messages(package)  # type: ignore[attr-defined]
+
+
+class _Messages(ModuleType):
+    """A package's messages."""
+
+    def __init__(self, package: str) -> None:
+        super().__init__(f"{package}.msg")
+        found = find_spec(self.__name__)
+        self.__path__ = (found and found.submodule_search_locations) or []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            module = import_module(f"{self.__name__}._{name}")
+        except ModuleNotFoundError as error:
+            raise AttributeError(f"{self.__name__} has no {name}") from error
+        setattr(self, name, found := getattr(module, name))
+        return found
