@@ -26,7 +26,6 @@ def main() -> int:
     from fleet.base import logs
     from robots.shared.configuration.bridge_config import BridgeConfig
 
-    logs.begin(as_json=bool(os.environ.get("FLEET_LOG_JSON")))
     # Removed: it has secrets that no child process needs
     config = msgspec.json.decode(os.environ.pop("FLEET_BRIDGE"), type=BridgeConfig)
     if config.link.host is None:
@@ -38,6 +37,7 @@ def main() -> int:
     from robots.shared.records.calls import SOCKET
     from robots.shared.sentences import say
 
+    logs.begin(as_json=bool(os.environ.get("FLEET_LOG_JSON")))
     log.info("Fleet console %s: bridge of %s starts.", os.environ.get("FLEET_RELEASE"), config.slug)
     assert config.run_dir is not None  # noqa: S101  (the supervisor's configurations have it)
     sink = remote_sink(str(Path(config.run_dir) / SOCKET), config.robot_id, config.name)

@@ -158,13 +158,13 @@ class Fleet:
         self._save()
 
     def end_programs(self) -> None:
-        """End all programs and wait for them; last the records process, because others record their ends."""
-        others = [keeper for keeper in self._all if keeper is not self._records]
-        for keeper in others:
-            keeper.want(None)
+        """End all programs and wait for them; the records process after the bridges, because they record their ends."""
+        for keeper in self._all:
+            if keeper is not self._records:
+                keeper.want(None)
         last_s = time.monotonic() + END_S
         while time.monotonic() < last_s and not all(keeper.idle for keeper in self._all):
-            if all(keeper.idle for keeper in others):
+            if all(keeper.idle for keeper in self._keepers.values()):
                 self._records.want(None)
             for keeper in self._all:
                 keeper.step(time.monotonic())
