@@ -30,7 +30,8 @@ class Place(models.TextChoices):
 class Recording(models.Model):
     """A finished recording, as the recorder reported it (`TakenRecording`).
 
-    `session` and `booking` are ids of rows that may be gone. A row whose file is deleted stays for the log.
+    `session` and `booking` are ids of rows that may be gone. A row stays when its file is deleted.
+    `file` is empty when the bridge's computer has removed it.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
@@ -69,6 +70,7 @@ class Recording(models.Model):
     thumbnail = models.BooleanField(default=False)  # beside it is a small picture
     # Retention leaves it alone. Null: nobody keeps it by hand
     kept_at = models.DateTimeField(_("kept"), null=True, blank=True)
+    file_kept = models.BooleanField(default=False)  # the bridge's computer knows that it is kept
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
 
     class Meta:

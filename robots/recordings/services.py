@@ -10,7 +10,9 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from robots.recordings.models import Place, Recording
-from robots.shared.records.record_sink import TakenRecording
+from robots.shared.records.record_sink import FileChange, TakenRecording
+
+MOST_CHANGES = 100  # of one kind at a time: the bridge asks again
 
 
 def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
@@ -43,10 +45,31 @@ def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
     return recording
 
 
+def file_changes(robot_id: UUID) -> list[tuple[UUID, FileChange]]:
+    """Return what the bridge's computer must do with finished files of a robot."""
+    rows = Recording.objects.filter(robot_id=robot_id).exclude(file="")
+    removed = rows.filter(place=Place.GONE).values_list("pk", flat=True)
+    there = rows.filter(place=Place.DIRECTORY)
+    kept = there.filter(kept_at__isnull=False, file_kept=False).values_list("pk", flat=True)
+    let_go = there.filter(kept_at=None, file_kept=True).values_list("pk", flat=True)
+    changes: list[tuple[UUID, FileChange]] = [(one, "remove") for one in removed[:MOST_CHANGES]]
+    changes += [(one, "keep") for one in kept[:MOST_CHANGES]]
+    changes += [(one, "let_go") for one in let_go[:MOST_CHANGES]]
+    return changes
+
+
+def file_changed(recording_id: UUID, change: FileChange) -> None:
+    """Note that the bridge's computer did this."""
+    if change == "remove":
+        Recording.objects.filter(pk=recording_id, place=Place.GONE).update(file="")
+    else:
+        Recording.objects.filter(pk=recording_id).update(file_kept=change == "keep")
+
+
 def recording_gone(recording_id: UUID) -> None:
     """Note that the file was removed on the bridge's computer. One in the object store stays there."""
     Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY).update(
-        place=Place.GONE, deleted_at=timezone.now()
+        place=Place.GONE, deleted_at=timezone.now(), file=""
     )
 
 

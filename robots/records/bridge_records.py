@@ -30,7 +30,12 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots.recordings.services import recording_gone, recording_store
+from robots.recordings.services import (
+    file_changed,
+    file_changes,
+    recording_gone,
+    recording_store,
+)
 from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse, RobotDescription
 from robots.shared import wire
@@ -38,6 +43,7 @@ from robots.shared.geometry.poses import Pose, Velocity
 from robots.shared.records.record_sink import (
     BadRecord,
     DriveSummary,
+    FileChange,
     GateStart,
     GateSummary,
     Holder,
@@ -278,6 +284,16 @@ class AuditSink:
     def drop_recording(self, recording: UUID) -> None:
         """Commit that the file of this recording was removed."""
         recording_gone(recording)
+
+    @_as_record_error
+    def recording_changes(self) -> list[tuple[str, FileChange]]:
+        """Return what must be done with finished files of this robot."""
+        return [(str(recording), change) for recording, change in file_changes(self._robot_id)]
+
+    @_as_record_error
+    def recording_changed(self, recording: UUID, change: FileChange) -> None:
+        """Commit that this was done."""
+        file_changed(recording, change)
 
     def _without_end(self, after: int) -> list[Record]:
         """Return this robot's records after `after` that have no end, the newest first."""

@@ -45,7 +45,10 @@ def serve(path: Path, ended: threading.Event) -> None:
 
 def _accept(listener: socket.socket, bridges: list[threading.Thread]) -> None:
     while True:
-        accepted, _ = listener.accept()
+        try:
+            accepted, _ = listener.accept()
+        except OSError:  # `serve` has closed it
+            return
         bridge = threading.Thread(target=_serve_bridge, args=(calls.framed(accepted),), daemon=True)
         bridges[:] = [*(one for one in bridges if one.is_alive()), bridge]
         bridge.start()

@@ -15,6 +15,7 @@ from uuid import UUID
 
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.shared.records.record_sink import (
+    FileChange,
     Holder,
     Parameters,
     RecordError,
@@ -130,6 +131,22 @@ class Records(RecordWriter):
     def drop_recording(self, recording: UUID) -> None:
         """Store that the file of a recording is gone."""
         self.run_in_background(partial(self.sink.drop_recording, recording))
+
+    def recording_changes(self, found: Callable[[list[tuple[UUID, FileChange]]], object]) -> None:
+        """Ask what must be done with finished files. `found` is called on the worker's thread."""
+
+        def ask() -> None:
+            try:
+                changes = self.sink.recording_changes()
+            except RecordError:
+                return  # the database does not answer: the next time
+            found([(UUID(recording), change) for recording, change in changes])
+
+        self.run_in_background(ask)
+
+    def recording_changed(self, recording: UUID, change: FileChange) -> None:
+        """Store that this was done."""
+        self.run_in_background(partial(self.sink.recording_changed, recording, change))
 
     def keep_description(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
         """Store the robot's description between two records. `failed` is called on the worker's thread."""

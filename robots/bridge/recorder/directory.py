@@ -154,6 +154,11 @@ class RecordingDirectory:
         for path in self.path.glob(f"*-{recording}{FILE}"):
             path.with_suffix(KEPT).touch()
 
+    def let_go(self, recording: UUID) -> None:
+        """Let a recording be removed for newer ones again."""
+        for path in self.path.glob(f"*-{recording}{KEPT}"):
+            path.unlink(missing_ok=True)
+
     def remove(self, recording: UUID) -> None:
         """Remove a recording, with what is beside it."""
         for path in self.path.glob(f"*-{recording}{FILE}"):

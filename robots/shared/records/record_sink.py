@@ -151,6 +151,10 @@ class TakenRecording(Struct, frozen=True, tag=True):
     thumbnail: bool = False
 
 
+# What people decided about a finished file
+FileChange = Literal["remove", "keep", "let_go"]
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge uses it. The returned numbers only identify records."""
 
@@ -200,3 +204,9 @@ class RecordSink(Protocol):
 
     def drop_recording(self, recording: UUID) -> None:
         """Commit that the file of this recording was removed: a black box, for newer recordings."""
+
+    def recording_changes(self) -> list[tuple[str, FileChange]]:
+        """Return what must be done with finished files of this robot, by id of the recording."""
+
+    def recording_changed(self, recording: UUID, change: FileChange) -> None:
+        """Commit that this was done."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from uuid import uuid4
 
 import pytest
+from django.utils import timezone
 from msgspec import structs
 
 from fleet.accounts.models import User
@@ -53,5 +54,23 @@ def test_a_removed_file_leaves_its_row(robot: Robot) -> None:
     sink.drop_recording(report.recording)
     row = Recording.objects.get()
     assert row.place == Place.GONE and row.deleted_at is not None
+    assert row.file == "" and sink.recording_changes() == []
     sink.keep_recording(report)  # a late report of the same file
     assert Recording.objects.get().place == Place.GONE
+
+
+def test_the_bridge_learns_what_people_decided_until_it_is_done(robot: Robot) -> None:
+    sink, report = AuditSink(robot.pk, robot.name), taken(robot)
+    sink.keep_recording(report)
+    rows, name = Recording.objects.filter(pk=report.recording), str(report.recording)
+    assert sink.recording_changes() == []
+    for change, given in (
+        ("keep", {"kept_at": timezone.now()}),
+        ("let_go", {"kept_at": None}),
+        ("remove", {"place": Place.GONE}),
+    ):
+        rows.update(**given)
+        assert sink.recording_changes() == sink.recording_changes() == [(name, change)]
+        sink.recording_changed(report.recording, change)
+        assert sink.recording_changes() == []
+    assert rows.get().file == ""
