@@ -20,11 +20,11 @@ from fleet.audit.reading.addresses import beside, by_day, number, session_url_of
 from fleet.audit.reading.forms import FilterForm
 from fleet.audit.reading.listing import CONSOLE, COUNTED, PAGE
 from fleet.base import zones
+from fleet.base.durations import duration_text
 from fleet.base.formats.sentences import in_words
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
-from teleop.reports.durations import duration_text
 
 GOES_ON = "goes_on"  # value of the filter for sessions that have not ended
 _COLUMNS = [

@@ -10,3 +10,4 @@ class TeleopConfig(AppConfig):
         """Import the modules that connect signal receivers."""
         from teleop.control import signals, turns  # noqa: F401
         from teleop.push import services  # noqa: F401
+        from teleop.recordings import erasure  # noqa: F401

@@ -12,7 +12,7 @@ from datetime import datetime, timedelta
 from django.db import transaction
 from django.db.models import Q
 
-from fleet.accounts.models import Erasure, User
+from fleet.accounts.models import ERASED, Erasure, User
 from fleet.accounts.services import account_erase
 
 WAIT = timedelta(seconds=75)
@@ -21,7 +21,7 @@ AGAIN = timedelta(hours=1)  # a process that had claimed it has died
 
 def erasable(people: Iterable[User], actor: User) -> list[User]:
     """Return those whom `actor` may erase: everybody but themselves, and nobody twice."""
-    return [one for one in people if one != actor and not one.username.startswith("erased-")]
+    return [one for one in people if one != actor and not one.username.startswith(ERASED)]
 
 
 @transaction.atomic

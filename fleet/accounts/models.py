@@ -16,6 +16,8 @@ from fleet.accounts.names import require_names
 from fleet.accounts.sign_in.devices import device_of
 from fleet.base.names import NameField
 
+ERASED = "erased-"  # begins the user name of an account whose person was erased
+
 
 class User(RecordedUser):
     """A person.

@@ -20,7 +20,7 @@ from django.utils import timezone
 from django.utils.text import slugify
 from django.utils.translation import gettext as _
 
-from fleet.accounts.models import SignIn, User
+from fleet.accounts.models import ERASED, SignIn, User
 from fleet.accounts.names import require_names
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.tokens.models import Token
@@ -187,7 +187,7 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
     """
     account_close(user=user)
     account = User.objects.filter(pk=user.pk)
-    nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
+    nobody = {"username": f"{ERASED}{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
 
     def forget() -> None:
         account.update(**nobody, is_active=False)  # staff may have opened it meanwhile

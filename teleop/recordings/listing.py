@@ -41,9 +41,9 @@ def filtered(recordings: QuerySet[Recording], filters: Filters) -> QuerySet[Reco
     if filters.end:
         found = found.filter(begins_at__lt=filters.end)
     if filters.event:
-        found = found.filter(_has("events", "event", filters.event))
+        found = found.filter(has("events", "event", filters.event))
     if filters.topic:
-        found = found.filter(_has("topics", "topic", filters.topic))
+        found = found.filter(has("topics", "topic", filters.topic))
     for word in filters.words.split()[:5]:
         found = found.filter(
             Q(reason__icontains=word) | Q(robot__name__icontains=word) | Q(person__full_name__icontains=word)
@@ -51,7 +51,7 @@ def filtered(recordings: QuerySet[Recording], filters: Filters) -> QuerySet[Reco
     return found
 
 
-def _has(field: str, name: str, value: str) -> Q:
+def has(field: str, name: str, value: str) -> Q:
     """Return the condition that one entry of a JSON list has this value. SQLite compares the text that it stores."""
     if connection.vendor == "sqlite":
         return Q(**{f"{field}__icontains": f"{json.dumps(name)}: {json.dumps(value)}"})

@@ -2,20 +2,21 @@
 
 A recording may show the sessions of several people. Staff, supervisors of the robot or the course, and those with whom
 it is shared see all of it. Its owner does so, too, while it shows nobody else's session. Everybody else who had control
-in it sees only the time of their own sessions.
+in it sees only the time of their own sessions. Nobody sees the sessions of people who were erased.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
-from itertools import chain
 from typing import NamedTuple
+from uuid import UUID
 
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.db.models.functions import Coalesce, Now
 from django.utils import timezone
 
-from fleet.accounts.models import User
+from fleet.accounts.models import ERASED, User
 from fleet.bookings.models import Booking
 from robots.access.models import Course
 from robots.access.selectors import lab_date
@@ -66,27 +67,68 @@ def recordings_of(user: User, reader: Reader | None = None) -> QuerySet[Recordin
 
 def sight_of(user: User, recording: Recording, reader: Reader | None = None) -> Sight | None:
     """Return what a person sees of a recording; None: nothing."""
+    return sights_of(user, [recording], reader)[0]
+
+
+def sights_of(
+    user: User, recordings: Sequence[Recording], reader: Reader | None = None
+) -> list[Sight | None]:
+    """Return what a person sees of each recording. Makes at most five queries, however many they are."""
     reader = reader or reader_of(user)
-    whole = [Part(recording.begins_at, recording.ends_at)]
-    if not user.is_active or recording.place == Place.GONE:
-        return None
-    if _by_role(reader, recording):
-        return Sight(recording, True, whole, True)
-    mine = recording.person_id == user.pk
-    sessions = sessions_in(recording)
-    if mine and all(session.user_id == user.pk for session in sessions):
-        return Sight(recording, True, whole, True)
-    if _shared_with(user).filter(recording=recording.pk).exists():
-        return Sight(recording, True, whole, mine)
-    parts = [_clipped(session, recording) for session in sessions if session.user_id == user.pk]
-    return Sight(recording, False, parts, False) if parts else None
+    there = [one for one in recordings if one.place != Place.GONE] if user.is_active else []
+    by_role = {one.pk for one in there if reader.sees_past(one.robot_id)}
+    others = [one for one in there if one.pk not in by_role]
+    by_role |= _of_courses(reader, others)
+    shared = (
+        set(_shared_with(user).filter(recording__in=others).values_list("recording", flat=True))
+        if others
+        else ()
+    )
+    sessions = _sessions(others)
+
+    def sight(recording: Recording) -> Sight | None:
+        whole = [Part(recording.begins_at, recording.ends_at)]
+        if recording not in there:
+            return None
+        if recording.pk in by_role:
+            return Sight(recording, True, whole, True)
+        mine = recording.person_id == user.pk
+        shown = [one for one in sessions if _overlap(one, recording)]
+        if mine and all(session.user_id == user.pk for session in shown):
+            return Sight(recording, True, whole, True)
+        if recording.pk in shared:
+            return Sight(recording, True, whole, mine)
+        parts = [_clipped(session, recording) for session in shown if session.user_id == user.pk]
+        return Sight(recording, False, parts, False) if parts else None
+
+    return without_erased([sight(recording) for recording in recordings])
+
+
+def own_parts(user: User, recordings: Sequence[Recording]) -> list[list[Part]]:
+    """Return which parts of each recording are the person's own data, whatever else the person may see.
+
+    It is the time of their own sessions; all of a recording of theirs that shows nobody's.
+    """
+    sessions = _sessions(recordings)
+
+    def parts(recording: Recording) -> list[Part]:
+        shown = [one for one in sessions if _overlap(one, recording)]
+        if recording.person_id == user.pk and all(session.user_id == user.pk for session in shown):
+            return [Part(recording.begins_at, recording.ends_at)]
+        return [_clipped(session, recording) for session in shown if session.user_id == user.pk]
+
+    return [parts(recording) for recording in recordings]
+
+
+def recordings_about(user: User) -> QuerySet[Recording]:
+    """Return the recordings that a person owns, or that show a session of theirs, the newest first."""
+    own = ControlSession.objects.filter(user=user)
+    return Recording.objects.exclude(place=Place.GONE).filter(Q(person=user) | Exists(_within(own)))
 
 
 def sessions_in(recording: Recording) -> list[ControlSession]:
     """Return the control sessions of the robot that a recording shows, the earliest first."""
-    sessions = ControlSession.objects.filter(robot=recording.robot_id, started_at__lt=recording.ends_at)
-    over = Q(ended_at=None) | Q(ended_at__gt=recording.begins_at)
-    return list(sessions.filter(over).select_related("user").order_by("started_at"))
+    return _sessions([recording])
 
 
 def recordings_of_session(session: ControlSession) -> QuerySet[Recording]:
@@ -102,23 +144,33 @@ def recordings_of_session(session: ControlSession) -> QuerySet[Recording]:
     )
 
 
-def _by_role(reader: Reader, recording: Recording) -> bool:
-    """Return whether the person sees all of it as staff, or as supervisor of the robot or the course."""
-    if reader.sees_past(recording.robot_id):
-        return True
-    slugs = chain(
-        [recording.course] if recording.course else [],
-        Booking.objects.filter(pk=recording.booking, course__isnull=False).values_list(
-            "course__slug", flat=True
-        )
-        if recording.booking
-        else [],
+def _sessions(recordings: Sequence[Recording], **chosen: str) -> list[ControlSession]:
+    """Return the control sessions that any of these recordings shows, the earliest first. Makes one query."""
+    if not recordings:
+        return []
+    shown = Q()
+    for one in recordings:
+        over = Q(ended_at=None) | Q(ended_at__gt=one.begins_at)
+        shown |= Q(robot=one.robot_id, started_at__lt=one.ends_at) & over
+    found = ControlSession.objects.filter(shown, **chosen)
+    return list(found.select_related("user").order_by("started_at"))
+
+
+def _overlap(session: ControlSession, recording: Recording) -> bool:
+    is_over = session.ended_at is not None and session.ended_at <= recording.begins_at
+    return session.robot_id == recording.robot_id and session.started_at < recording.ends_at and not is_over
+
+
+def _of_courses(reader: Reader, recordings: Sequence[Recording]) -> set[UUID]:
+    """Return which of these the person sees as supervisor of their course."""
+    if not recordings or not reader.courses:
+        return set()
+    slugs = set(Course.objects.filter(pk__in=reader.courses).values_list("slug", flat=True))
+    wanted = {one.booking for one in recordings if one.booking}
+    bookings = set(
+        Booking.objects.filter(pk__in=wanted, course__in=reader.courses).values_list("pk", flat=True)
     )
-    return (
-        Course.objects.filter(pk__in=reader.courses, slug__in=list(slugs)).exists()
-        if reader.courses
-        else False
-    )
+    return {one.pk for one in recordings if one.course in slugs or one.booking in bookings}
 
 
 def _shared_with(user: User) -> QuerySet[RecordingShare]:
@@ -141,3 +193,27 @@ def _within(sessions: QuerySet[ControlSession]) -> QuerySet[ControlSession]:
 def _clipped(session: ControlSession, recording: Recording) -> Part:
     ended_at = session.ended_at or recording.ends_at
     return Part(max(session.started_at, recording.begins_at), min(ended_at, recording.ends_at))
+
+
+def without_erased(sights: list[Sight | None]) -> list[Sight | None]:
+    """Take the sessions of erased people out of what anybody sees."""
+    seen = [sight.recording for sight in sights if sight]
+    erased = _sessions(seen, user__username__startswith=ERASED)
+
+    def left(sight: Sight | None) -> Sight | None:
+        if sight is None or not (hidden := [one for one in erased if _overlap(one, sight.recording)]):
+            return sight
+        parts = sight.parts
+        for session in hidden:
+            gap = _clipped(session, sight.recording)
+            parts = [piece for part in parts for piece in _around(part, gap)]
+        return sight._replace(whole=False, parts=parts) if parts else None
+
+    return [left(sight) for sight in sights]
+
+
+def _around(part: Part, gap: Part) -> list[Part]:
+    """Return what is left of a part without a gap."""
+    before = Part(part.begins_at, min(part.ends_at, gap.begins_at))
+    after = Part(max(part.begins_at, gap.ends_at), part.ends_at)
+    return [one for one in (before, after) if one.begins_at < one.ends_at]

@@ -1,4 +1,5 @@
-"""A person's own data, to read and to export: their records, and records by others about them.
+"""A person's own data, to read and to export: their records, records by others about them, and the
+recordings that show them.
 
 Records by others show the event, its time and the robot, but neither the author nor text that another person wrote.
 """
@@ -13,10 +14,12 @@ from datetime import datetime
 from enum import Enum
 from itertools import chain, islice
 from typing import Any
+from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
 
 from django.db.models import Q
 from django.db.models.functions import Coalesce
+from django.urls import reverse
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -25,9 +28,12 @@ from fleet.audit.models import Record
 from fleet.audit.reading import exports
 from fleet.audit.reading.listing import Page, Row, Selection, Wanted, rows_of
 from fleet.base import zones
+from robots.recordings.models import Recording
 from teleop.models import ControlSession
+from teleop.recordings.selectors import Part, own_parts, recordings_about
 
 SESSIONS = 20  # per page
+RECORDINGS = 20
 RECORDS = 30
 CHUNK = 500  # records by others in memory at once
 TRIES = 5000  # failed sign-ins of all people; the page reads only the newest
@@ -46,6 +52,8 @@ _ABOUT = {
     "control.take_over": "holder",
     "audit.export": "person",
     "booking.guest": "to",
+    "recording.share": "person",
+    "recording.unshare": "person",
     "push.remove": "person",
     "turn.call": "person",
     "turn.miss": "person",
@@ -75,6 +83,44 @@ def own_sessions(user: User, before: datetime | None) -> Sessions:
         sessions = sessions.filter(started_at__lt=before)
     found = list(sessions[: SESSIONS + 1])
     return Sessions(found[:SESSIONS], older=len(found) > SESSIONS)
+
+
+class OwnRecording(Struct, frozen=True):
+    """The part of a recording that is a person's own data: all of it, or the time of their sessions."""
+
+    recording: Recording
+    part: Part
+
+    @property
+    def address(self) -> str:
+        """Return where this part can be downloaded."""
+        began = self.recording.begins_at
+        part = {
+            "from": (self.part.begins_at - began).total_seconds(),
+            "to": (self.part.ends_at - began).total_seconds(),
+        }
+        return f"{reverse('api-recording-file', args=[self.recording.pk])}?{urlencode(part)}"
+
+
+class Recordings(Struct, frozen=True):
+    """A page of the recordings that show a person, newest first."""
+
+    shown: list[OwnRecording]
+    older: datetime | None  # to ask for the next page
+
+
+def own_recordings(user: User, before: datetime | None, most: int = RECORDINGS) -> Recordings:
+    """Return the person's parts of the newest recordings, or of the newest that began before `before`."""
+    found = recordings_about(user).select_related("robot").order_by("-begins_at")
+    if before is not None:
+        found = found.filter(begins_at__lt=before)
+    rows = list(found[: most + 1])
+    shown = rows[:most]
+    parts = zip(shown, own_parts(user, shown), strict=True)
+    return Recordings(
+        [OwnRecording(recording, part) for recording, seen in parts for part in seen],
+        shown[-1].begins_at if len(rows) > most else None,
+    )
 
 
 def own_records(user: User, *, before: int | None, after: int | None, viewings: bool) -> Page:
@@ -163,7 +209,31 @@ def export_of_many(people: Sequence[User], *, actor: User) -> exports.ExportResp
 
 def _whole_data(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:
     own = exports.records(Selection(_own_records(user)), exports.Format.JSON_LINES)
-    return chain(own.pieces, _lines_about(user, zone))
+    return chain(own.pieces, _lines_about(user, zone), _lines_of_recordings(user, zone))
+
+
+def _lines_of_recordings(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:
+    before, more = None, True
+    while more:
+        page = own_recordings(user, before, most=CHUNK)
+        lines = (json.dumps(_recording(one, user, zone), ensure_ascii=False) for one in page.shown)
+        yield "".join(f"{line}\n" for line in lines), len(page.shown)
+        before, more = page.older, page.older is not None
+
+
+def _recording(own: OwnRecording, user: User, zone: ZoneInfo) -> dict[str, Any]:
+    recording = own.recording
+    return {
+        "recording": str(recording.pk),
+        "time": own.part.begins_at.isoformat(),
+        "time_local": exports.local(own.part.begins_at, zone),
+        "until": own.part.ends_at.isoformat(),
+        "kind": recording.kind,
+        "robot": {"id": str(recording.robot_id), "name": recording.robot.name},
+        "reason": recording.reason if recording.person_id == user.pk else "",
+        "topics": [topic["topic"] for topic in recording.topics],
+        "file": own.address,
+    }
 
 
 def _lines_about(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:

@@ -17,8 +17,8 @@ from fleet.audit.models import Content, Record
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import Selection, Wanted
 from fleet.base import zones
+from fleet.base.durations import duration_text
 from robots.registry.models import Robot
-from teleop.reports.durations import duration_text
 
 PERIODS_DAYS = (7, 30, 90, 365)
 FAULTS = 10  # the newest faults, and as many parts that got worse

@@ -17,10 +17,10 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import Row, Selection, Wanted, rows_of
+from fleet.base.durations import duration_text
 from fleet.bookings.models import Booking
 from robots.access.who_sees import Reader, reader_of
 from teleop.models import ControlSession
-from teleop.reports.durations import duration_text
 from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives
 from teleop.reports.session_maps import maps_of
 

@@ -19,12 +19,12 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.base import zones
+from fleet.base.durations import duration_text
 from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import grace_of, held_slot, policies_of, stage_of
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 from teleop.models import ControlSession
-from teleop.reports.durations import duration_text
 
 MOST_RECORDS = 3000  # of the day, so that the page is never slow
 _LEAST_PERCENT = 0.4  # of the day's width: a shorter mark would be invisible

@@ -181,6 +181,7 @@ def your_data(request: HttpRequest) -> HttpResponse:
         "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
         "newest_number": page.rows[0].number if page.rows else None,
         "oldest_number": page.rows[-1].number if page.rows else None,
+        "recordings": own_data.own_recordings(person, _moment(request, "recorded_before")),
         "about": [_line_about(row, person) for row in about.shown],
         "oldest_about": about.shown[-1].number if about.older else None,
     }

@@ -17,7 +17,7 @@ from django.db.models import Q, QuerySet
 from django.dispatch import receiver
 from msgspec import Struct, convert
 
-from fleet.accounts.models import Erasure, User
+from fleet.accounts.models import ERASED, Erasure, User
 from fleet.audit.services import RecordBody, record, record_all
 from fleet.bookings.lessons.turns import turns_again
 from fleet.bookings.losses import letters
@@ -93,7 +93,7 @@ def undo_refused(change: Change, now: datetime, actor: User) -> Refusal | None:
 def _erased(change: Change) -> bool:
     """Return whether a person whose account the change closed is erased, or about to be."""
     closed = [row["key"] for row in change.rows if row["table"] == User._meta.label]
-    gone = Q(username__startswith="erased-") | Q(pk__in=Erasure.objects.values("person"))
+    gone = Q(username__startswith=ERASED) | Q(pk__in=Erasure.objects.values("person"))
     return bool(closed) and User.objects.filter(gone, pk__in=closed).exists()
 
 
