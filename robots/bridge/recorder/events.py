@@ -22,7 +22,7 @@ class Events:
     def __init__(self, happened: Happened) -> None:
         self._happened = happened
         self._fence: int | None = None
-        self._stop = 0
+        self._stop: int | None = None  # its number
         self._held = 0  # number of the last intervention that was told
         self._online = False
         self._moves = False
@@ -33,7 +33,7 @@ class Events:
     def observe(self, state: wire.State, held: Held | None, now_s: float) -> None:
         """Take the present state. While nobody has control only stops count."""
         if state.stop.number != self._stop:
-            if self._stop and state.stop.state != "clear":
+            if self._stop is not None and state.stop.state != "clear":
                 by = state.stop.by or ""
                 self._happened("stop", say("Stopped by {by}.", by=by) if by else say("Stopped."), by)
             self._stop = state.stop.number
