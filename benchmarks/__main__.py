@@ -23,6 +23,7 @@ MODULES = (
     "gate.gate_world",
     "growth.growth",
     "driving.network",
+    "driving.recording",
     "web.rosbridge",
     "views.scene",
     "simulator",

@@ -13,10 +13,11 @@ Run by the distribution's Python, on the master in ROS_MASTER_URI:
     ros_side.py laser                scans of 666 beams to /bench_laser, 15 a second
     ros_side.py grid                 a map of 1000 x 1000 cells to /bench_grid, once a second
     ros_side.py picture              a raw picture of 640 x 480 to /bench_picture, 30 a second
+    ros_side.py picture_20           the same, 20 a second
     ros_side.py jpeg                 60 kB as a JPEG has them to /bench_jpeg, 30 a second
     ros_side.py tiny                 headers to /bench_tiny, 10,000 a second
 
-The last five have the time of sending (monotonic) as their stamp.
+The last six have the time of sending (monotonic) as their stamp.
 """
 
 from __future__ import annotations
@@ -164,10 +165,10 @@ def grid() -> None:
     repeat("/bench_grid", message, 1.0)
 
 
-def picture() -> None:
+def picture(rate_hz: float = 30.0) -> None:
     """Publish raw pictures."""
     message = Image(height=480, width=640, encoding="rgb8", step=1920, data=RANDOM.randbytes(921_600))
-    repeat("/bench_picture", message, 30.0)
+    repeat("/bench_picture", message, rate_hz)
 
 
 def jpeg() -> None:
@@ -195,6 +196,7 @@ def main() -> None:
         "laser": laser,
         "grid": grid,
         "picture": picture,
+        "picture_20": lambda: picture(20.0),
         "jpeg": jpeg,
         "tiny": tiny,
     }

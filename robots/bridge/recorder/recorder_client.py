@@ -280,7 +280,7 @@ class RecorderClient:
 
     def handle_line(self, line: bytes) -> None:
         """Take a report."""
-        self._heard_s = max(self._heard_s, time.monotonic())
+        self._heard_s = time.monotonic()
         match _report.decode(line):
             case Progress(recording=recording, black_box=black_box):
                 self._progressed(recording, black_box)

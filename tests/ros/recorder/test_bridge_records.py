@@ -130,3 +130,19 @@ def test_keep_this_and_its_refusal(bridge) -> None:
     _, hand = bridge
     assert hand.ask(wire.LinkKeep("Ada", "person-1", "a noise", 4)) is None
     hand.state_until(lambda state: state.black_box.keeps == "keep", "the event")
+
+
+def test_a_killed_bridge_leaves_a_file_whose_row_follows(rosmaster, tmp_path, directory) -> None:
+    config = tiago_config(rosmaster, tmp_path, recordings=RecordingPlace(str(directory), 10**9, 0))
+    recording = uuid4()
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "the robot to be online")
+        assert record(hand, 1, recording=recording) is None
+        hand.state_until(lambda state: state.recording and state.recording.bytes > 10_000, "bytes")
+        process.kill()
+        until(lambda: list(directory.glob("*.mcap")), "the file that its recorder finished")
+    with running_bridge(config, rosmaster, tmp_path) as (process, _):
+        until(lambda: taken_by(process), "the row")
+        (taken,) = taken_by(process)
+        assert taken.recording == recording and taken.ended_by == "The robot’s bridge ended."
+        until(lambda: not list(directory.glob("*.new")), "the row to be known")

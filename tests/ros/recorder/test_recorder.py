@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import msgspec
-import pytest
-import rospy
-from sensor_msgs.msg import CompressedImage, Image, LaserScan
+from sensor_msgs.msg import CompressedImage, LaserScan
 from std_msgs.msg import Int64, String
 
 from robots.bridge.recorder.recorder_messages import (
@@ -27,35 +22,6 @@ from robots.bridge.recorder.recorder_messages import (
 from robots.shared import wire
 from tests.processes import until
 from tests.ros.recorder.process import RecorderProcess, messages_of
-from tests.ros.support import Master
-
-
-@pytest.fixture
-def recorder(rosmaster, ros, tmp_path: Path) -> Iterator[RecorderProcess]:
-    process = RecorderProcess(rosmaster, tmp_path)
-    yield process
-    process.stop()
-
-
-@pytest.fixture
-def publish() -> Iterator[Callable[..., rospy.Publisher]]:
-    """``publish(topic, message)`` publishes it for all who come later; ``latch=False``: ten times a second."""
-    publishers: list[rospy.Publisher] = []
-    timers: list[rospy.Timer] = []
-
-    def begin(topic: str, message: Any, latch: bool = True) -> rospy.Publisher:
-        publisher = rospy.Publisher(topic, type(message), queue_size=100, latch=latch)
-        publishers.append(publisher)
-        publisher.publish(message)
-        if not latch:
-            timers.append(rospy.Timer(rospy.Duration(0.1), lambda _: publisher.publish(message)))
-        return publisher
-
-    yield begin
-    for timer in timers:
-        timer.shutdown()
-    for publisher in publishers:
-        publisher.unregister()
 
 
 def said(fence: int) -> Said:
@@ -147,27 +113,3 @@ def test_the_black_box_keeps_what_was_before_an_event(recorder, publish) -> None
     found = messages_of(recorder.directory / taken.name)
     assert found.keys() == {"/scan_raw", COMMAND} and len(found["/scan_raw"]) >= 8
     assert taken.begins < taken.events[0].at < taken.ends
-
-
-def test_a_killed_recorder_leaves_a_file_that_opens(rosmaster, ros, publish, tmp_path: Path) -> None:
-    publish("/scan_raw", LaserScan(ranges=[1.0] * 300), latch=False)
-    publish("/image", Image(height=2, width=2, encoding="rgb8", step=6, data=bytes(12)))
-    for round_ in range(2):
-        with killed_recorder(rosmaster, tmp_path) as recorder:
-            recording = recorder.begins("all")
-            until(lambda: recorder.bytes > 900, "bytes")
-            time.sleep(0.2 * round_)
-        with killed_recorder(rosmaster, tmp_path) as recorder:
-            taken = recorder.finished(recording)
-        assert taken.cut and taken.thumbnail
-        assert {"/scan_raw", "/image"} <= messages_of(recorder.directory / taken.name).keys()
-
-
-@contextmanager
-def killed_recorder(master: Master, folder: Path) -> Iterator[RecorderProcess]:
-    """A recorder of always the same robot that is killed at the end."""
-    process = RecorderProcess(master, folder, robot_id="7c1f7d7a3f5e4f2a9f0b2f3c6c1b2a11")
-    try:
-        yield process
-    finally:
-        process.kill()
