@@ -10,7 +10,6 @@ import asyncio
 import gc
 import os
 import re
-import resource
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -52,13 +51,13 @@ def box_mb() -> float:
     """Return the memory that a full ring takes in a process, in megabytes."""
     ring = Ring()
     scan = Origin("/scan", "ros1", "sensor_msgs/LaserScan", "", "", "/laser")
-    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before_mb = process_stats.resident_mb(os.getpid())
     for number in range(20_000):
         at_ns = number * 4_000_000
         ring.put(Message(scan, number, at_ns, os.urandom(2_700)))
         camera = Origin(f"/camera{number % 8}", "ros1", "sensor_msgs/CompressedImage", "", "", "/driver")
         ring.put(Message(camera, number, at_ns, os.urandom(60_000)))
-    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb) * 1024 / 1e6
+    return process_stats.resident_mb(os.getpid()) - before_mb
 
 
 async def measure_on(stack: Stack) -> list[Figure]:

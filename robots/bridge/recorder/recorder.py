@@ -104,6 +104,7 @@ class Recorder:
         self._box_state = BlackBoxState()
         self._order: _Order | None = None
         self._ended: tuple[RecordingState, float] | None = None  # the last recording, if it ended by a fault
+        self._takes: set[Take] = set()  # that are not finished
         self._numbers: dict[str, int] = {}  # of the bridge's messages
         self._rate = (0.0, 0, 0.0)  # time and bytes of the last measurement, and the rate
 
@@ -161,9 +162,7 @@ class Recorder:
             case Begin(order=order, continues=continues):
                 self._begin(order, continues)
             case End(recording=recording, why=why):
-                with self._lock:
-                    if self._order is not None and self._order.order.recording == recording:
-                        self._order.take.end(why)
+                self._end(recording, why)
             case Stored(recording=recording):
                 try:
                     self.directory.stored(recording)
@@ -214,6 +213,7 @@ class Recorder:
                 version=self._version,
             )
             take = Take(self.directory, about, clock, self._box_done, self._removed)
+            self._takes.add(take)
             take.start(self._ring.since(happened.at_ns - int(BEFORE_S * 1e9)))
             self._box = _Box(take, now_s, now_s + AFTER_S)
             self._box_state = structs.replace(
@@ -257,8 +257,17 @@ class Recorder:
             self._ended = None
             self._rate = (now_s, 0, 0.0)
             self._order = _Order(order, take, now_s, now_s + order.seconds)
+            self._takes.add(take)
             take.start(self._latched_now())
             self._follow_wanted()
+
+    def _end(self, recording: UUID, why: str) -> None:
+        """End a recording: the next one may begin while its file is finished."""
+        with self._lock:
+            if self._order is not None and self._order.order.recording == recording:
+                self._order.take.end(why)
+                self._order = None
+                self._follow_wanted()
 
     def _latched_now(self) -> list[Message]:
         """Return the latched messages that the ring has: their topics are read already, and send nothing again."""
@@ -344,6 +353,7 @@ class Recorder:
 
     def _box_done(self, take: Take, result: TakenRecording | Refusal) -> None:
         with self._lock:
+            self._takes.discard(take)
             if self._box is not None and self._box.take is take:
                 self._box = None
                 self._box_state = structs.replace(self._box_state, keeps=None)
@@ -353,18 +363,17 @@ class Recorder:
         self._report(result)
 
     def _order_done(self, take: Take, result: TakenRecording | Refusal) -> None:
+        over: Over | Begun = (
+            Over(take.about.recording) if take.is_open else Begun(take.about.recording, take.refusal)
+        )
         with self._lock:
-            if self._order is None or self._order.take is not take:
-                return
-            if take.is_open:
+            self._takes.discard(take)
+            if self._order is not None and self._order.take is take:
                 now_s = time.monotonic()
-                state = self._recording_state(now_s) if take.refusal is not None else None
-                self._ended = None if state is None else (structs.replace(state, left_s=0.0), now_s)
-                over: Over | Begun = Over(take.about.recording)
-            else:
-                over = Begun(take.about.recording, take.refusal)
-            self._order = None
-            self._follow_wanted()
+                if take.is_open and take.refusal is not None and (state := self._recording_state(now_s)):
+                    self._ended = structs.replace(state, left_s=0.0), now_s
+                self._order = None
+                self._follow_wanted()
         self._say(over)
         self._report(result)
 
@@ -389,7 +398,7 @@ class Recorder:
     def close(self, within_s: float) -> None:
         """Finish what goes on: the bridge ends."""
         with self._lock:
-            takes = [going.take for going in (self._order, self._box) if going is not None]
+            takes = list(self._takes)
         for take in takes:
             take.end(say("The robot’s bridge ended."))
         until_s = time.monotonic() + within_s

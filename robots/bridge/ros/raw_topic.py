@@ -43,6 +43,7 @@ class RawTopic:
         take: Callable[[Speaker, bytes], None],
         seconds: Callable[[], float],
         queue: int | None,
+        buffer_bytes: int = BUFFER_BYTES,
     ) -> None:
         self._definitions = definitions
         self._take = take
@@ -54,7 +55,7 @@ class RawTopic:
             rospy.AnyMsg,
             lambda message: self._take(self._speaker(message._connection_header), message._buff),
             queue_size=queue,
-            buff_size=BUFFER_BYTES,
+            buff_size=buffer_bytes,
             tcp_nodelay=True,
         )
 

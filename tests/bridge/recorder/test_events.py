@@ -41,7 +41,7 @@ def watch() -> Watch:
 
 
 def sensor(ok: bool) -> list[wire.Sensor]:
-    return [wire.Sensor("laser", "scan", ok, 0.1, "" if ok else "laser is silent")]
+    return [wire.Sensor("laser", "scan", ok, 0.1, "" if ok else "it is silent")]
 
 
 def health(name: str, level: wire.HealthLevel) -> wire.Health:
@@ -64,23 +64,32 @@ def test_the_gate_counts_after_a_second_and_once(watch) -> None:
     assert watch.see(Held(2, 1.5, "door")) == ["gate door"]
 
 
-def test_faults_that_begin_are_events(watch) -> None:
+def test_faults_that_last_are_events(watch) -> None:
     assert watch.see(sensors=sensor(True)) == []
-    assert watch.see(sensors=sensor(False)) == ["fault laser is silent"]
+    assert watch.see(sensors=sensor(False)) == []
+    assert watch.see(sensors=sensor(True), after_s=0.5) == []  # a hiccup
+    assert watch.see(sensors=sensor(False)) == []
+    assert watch.see() == ["fault laser: it is silent"]
+    assert watch.see() == []
     watch.see(sensors=sensor(True))
-    assert watch.see(sensors=sensor(False)) == []  # the same fault again
-    watch.see(sensors=sensor(True))
-    assert watch.see(sensors=sensor(False), after_s=40.0) == ["fault laser is silent"]
+    assert watch.see(sensors=sensor(False)) + watch.see() == []  # the same fault again
+    watch.see(sensors=sensor(True), after_s=40.0)
+    assert watch.see(sensors=sensor(False)) + watch.see() == ["fault laser: it is silent"]
+    assert watch.see(phase="waiting", text="No master.") + watch.see() == ["fault No master."]
+
+
+def test_a_part_that_reports_an_error_or_a_touch_is_an_event(watch) -> None:
+    assert watch.see(health=health("arm", "warning")) == []
     assert watch.see(health=health("arm", "error")) == ["fault arm: it broke"]
+    assert watch.see() == []
     assert watch.see(health=health("bumper_left", "warning")) == ["contact bumper_left: it broke"]
-    assert watch.see(phase="waiting", text="No master.") == ["fault No master."]
 
 
 def test_what_is_so_at_the_beginning_is_no_event(watch) -> None:
     watch.see(fence=None)
     ill = {"sensors": sensor(False), "health": health("arm", "error")}
     assert watch.see(Held(7, 5.0, "wall"), fence=2, **ill) == []
-    assert watch.see(Held(7, 6.0, "wall")) == []
+    assert watch.see(Held(7, 6.0, "wall")) + watch.see() == []
     assert watch.see(fence=None, sensors=sensor(True)) == []
 
 

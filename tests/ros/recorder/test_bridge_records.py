@@ -44,12 +44,12 @@ def bridge(rosmaster, tmp_path, directory) -> Iterator[tuple[BridgeProcess, Hand
 
 
 def taken_by(process: BridgeProcess) -> list[TakenRecording]:
-    """Return the recordings that the bridge has stored, without the kind of its record."""
+    """Return the recordings by hand that the bridge has stored."""
     lines = [line.split(" ", 2) for line in process.recorded()]
     return [
         msgspec.json.decode(line[2], type=TakenRecording)
         for line in lines
-        if line[0] == "recording" and line[2:]
+        if line[:2] == ["recording", "by_hand"]
     ]
 
 

@@ -75,10 +75,8 @@ def main() -> None:
     if config.recordings is None:
         raise SystemExit("this bridge keeps no recordings")
     child_node.join(config, RECORDER)
-    reading = Reading(
-        Definitions(Path(config.state_dir) / "definitions"), lambda message: recorder.arrived(message)
-    )
-    recorder = Recorder(config, config.recordings, Lines(), reading.follow)
+    recorder = Recorder(config, config.recordings, Lines(), lambda wanted: reading.follow(wanted))
+    reading = Reading(Definitions(Path(config.state_dir) / "definitions"), recorder)
     start_vital(reading.run, "reading")
     start_vital(lambda: _tick(recorder), "tick")
     threading.Thread(target=_recover, args=(recorder,), name="recover", daemon=True).start()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from typing import Protocol
 
 import rosgraph
 import rospy
@@ -16,6 +17,7 @@ from robots.bridge.recorder.ring import Message, Origin, is_picture
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.raw_topic import RawTopic, Speaker
 from robots.bridge.tap.arrivals import Kind
+from robots.shared.messages.packing import HEADER
 from robots.shared.ros.master import Master, MasterError, is_own
 from robots.shared.wire import MOST_RECORDED_TOPICS
 
@@ -24,29 +26,42 @@ log = logging.getLogger(__name__)
 # Between two looks for new topics; a robot's bumpers are there from its start
 _SURVEY_S = {"": None, "all": 2.0, "pictures_not": 2.0, "contacts": 20.0}
 WAIT_S = 0.004  # before each read: a topic that floods costs as much as 250 reads a second
+# The same for pictures of which few are kept. Each read takes all that waits, so that the newest is not old.
+THINNED_WAIT_S = 0.2
+THINNED_BYTES = 8 * 1024 * 1024
+MOST_MISSED = 10_000  # a larger gap between the numbers of messages is none
 _UNREAD = ("/rosout_agg",)  # the same messages as /rosout
 
-Take = Callable[[Message], None]
+
+class Receiver(Protocol):
+    """Who takes messages, on any thread."""
+
+    def arrived(self, message: Message) -> None: ...
+
+    def missed(self, origin: Origin, count: int) -> None: ...
 
 
 class _Topic:
     """One subscribed topic."""
 
-    def __init__(self, topic: str, gap_s: float, definitions: Definitions, take: Take) -> None:
+    def __init__(self, topic: str, gap_s: float, definitions: Definitions, to: Receiver) -> None:
         self.topic = topic
         self.gap_s = gap_s
-        self._take = take
+        self._to = to
         self._lock = threading.Lock()
         self._number = 0
         self._origins: dict[tuple[str, Kind], Origin] = {}
-        self._raw = RawTopic(topic, definitions, self._on_message, self._rest_s, 1 if gap_s else None)
+        self._sent: dict[Origin, int] = {}  # by the publisher's own count
+        if gap_s:
+            self._raw = RawTopic(
+                topic, definitions, self._on_message, lambda: THINNED_WAIT_S, 1, THINNED_BYTES
+            )
+        else:
+            self._raw = RawTopic(topic, definitions, self._on_message, lambda: WAIT_S, None)
 
     def close(self) -> None:
         """Unsubscribe."""
         self._raw.close()
-
-    def _rest_s(self) -> float:
-        return self.gap_s or WAIT_S
 
     def _on_message(self, speaker: Speaker, data: bytes) -> None:
         at_ns = time.monotonic_ns()
@@ -56,7 +71,24 @@ class _Topic:
         with self._lock:
             self._number += 1
             number = self._number
-        self._take(Message(origin, number, at_ns, data))
+        if not self.gap_s and _has_header(speaker):
+            self._count_missed(origin, data)
+        self._to.arrived(Message(origin, number, at_ns, data))
+
+    def _count_missed(self, origin: Origin, data: bytes) -> None:
+        """Count messages that the publisher sent and that never came: it drops those that are not read in time.
+
+        Each publisher of ROS numbers the headers of its messages without a gap.
+        """
+        sent, before = int.from_bytes(data[:4], "little"), self._sent.get(origin)
+        self._sent[origin] = sent
+        if before is not None and 0 < (missed := sent - before - 1) < MOST_MISSED:
+            self._to.missed(origin, missed)
+
+
+def _has_header(speaker: Speaker) -> bool:
+    fields = speaker.definition.fields if speaker.definition is not None else []
+    return bool(fields) and fields[0].type == HEADER and fields[0].array is None
 
 
 def _origin(topic: str, speaker: Speaker) -> Origin:
@@ -70,9 +102,9 @@ def _origin(topic: str, speaker: Speaker) -> Origin:
 class Reading:
     """All subscriptions at one robot; lives on its own thread, which calls the master."""
 
-    def __init__(self, definitions: Definitions, take: Take) -> None:
+    def __init__(self, definitions: Definitions, to: Receiver) -> None:
         self._definitions = definitions
-        self._take = take
+        self._to = to
         self._awake = threading.Condition()
         self._wanted = Wanted({})
         self._changed = False
@@ -128,4 +160,4 @@ class Reading:
                 self._topics.pop(name).close()
         for name, gap_s in wanted.items():
             if name not in self._topics:
-                self._topics[name] = _Topic(name, gap_s, self._definitions, self._take)
+                self._topics[name] = _Topic(name, gap_s, self._definitions, self._to)
