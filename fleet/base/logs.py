@@ -14,7 +14,8 @@ from typing import TextIO
 # headers and queries.
 _SECRETS = re.compile(
     r"(?i)(/(?:join|welcome|bookings/+(?:ical|hand/+link)|accounts/+email)/+|/accounts/+password/+new/+[0-9a-z]+-"
-    r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)=)"
+    r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)="
+    r"|ticket%3D)"
     r"([^\s/?&;\"'<>]{5,})"
 )
 # Level -> priority of syslog.

@@ -46,6 +46,8 @@ NAMES = {
         "package",
         "path",
         "address",
+        "file",
+        "recording_id",
     ),
     *(
         "provider_id",
@@ -93,6 +95,7 @@ def test_no_secret_of_an_address_is_logged() -> None:
         f"csrftoken={SECRET}",
         f"Not Found: /Join//{SECRET}",
         f"Not Found: /bookings//ical/{SECRET}.ICS",
+        f"/lichtblick/?ds.url=ws%3A%2F%2Fhere%2Ffoxglove%2Ftiago-1%3Fticket%3D{SECRET}",
         f"/accounts/oidc/lab/login/callback/?state=ok&code={SECRET}",
     ],
 )
