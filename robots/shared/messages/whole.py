@@ -34,6 +34,9 @@ _CBOR_TAGS = {
     "float64": 86,
 }
 
+MOST_SHORTENED = 10_000  # float32 of an array: more would take longer than they save
+_POWERS = 10.0 ** np.arange(23)  # those that float64 has exactly
+
 Numbers = Callable[[str, memoryview], Any]  # the value of an array of this type with these bytes
 Encode = Callable[[bytes], bytes]  # from a message's bytes
 
@@ -77,6 +80,8 @@ _Read = Callable[[_Cursor], Any]
 def json_encoder(definition: Sequence[Field]) -> Encode:
     """Return the encoder to JSON, as rosbridge does: NaN and infinities are null, bytes are base64.
 
+    Only float32 have fewer digits.
+
     Raises `Broken` or `TooLarge`, as all encoders here.
     """
     read = _reader(definition, _plain_numbers)
@@ -95,7 +100,27 @@ def cbor_encoder(definition: Sequence[Field]) -> Encode:
 def _plain_numbers(type_name: str, data: memoryview) -> Any:
     if type_name in _BYTES:
         return data  # msgspec writes base64
-    return np.frombuffer(data, dtype=np.dtype("<" + CODES[type_name])).tolist()
+    values = np.frombuffer(data, dtype=np.dtype("<" + CODES[type_name]))
+    if type_name == "float32" and len(values) <= MOST_SHORTENED:
+        values = _fewest_digits(values)
+    return values.tolist()
+
+
+def _fewest_digits(values: Any) -> Any:
+    """Return these float32 as float64 with fewer digits: 0.1 in place of 0.10000000149. They become the same float32.
+
+    So the scan of a laser has a half to a third of the characters.
+    """
+    found = values.astype(np.float64)
+    with np.errstate(all="ignore"):
+        digits_before = np.floor(np.log10(np.abs(found)))
+        for digits in (8, 7, 6):
+            places = digits - 1 - digits_before
+            possible = (places >= 0) & (places < len(_POWERS))
+            scale = _POWERS[np.where(possible, places, 0).astype(np.intp)]
+            shorter = np.rint(values * scale) / scale
+            found = np.where(possible & (shorter.astype(np.float32) == values), shorter, found)
+    return found
 
 
 def _tagged_numbers(type_name: str, data: memoryview) -> Any:
