@@ -79,6 +79,8 @@ class Subscribing(Family):
         topic.by_id[operation.id] = operation
         if refusal := self._read(name, topic):
             topic.by_id = before
+            if before:
+                topic.settle()
             raise NotDone(refusal)
         if (operation.queue_length or 0) > MOST_QUEUED:
             text = say("At most {most} messages of a topic wait for a client.", most=MOST_QUEUED)
