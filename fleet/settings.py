@@ -38,6 +38,14 @@ FLEET_LICHTBLICK = environment.lichtblick(_env)
 FLEET_RECORDINGS = environment.recordings(_env, FLEET_VAR / "recordings")
 FLEET_RECORDINGS_BYTES = _env.gigabytes("FLEET_RECORDINGS_GB", 20.0)
 FLEET_RECORDINGS_FREE_BYTES = _env.gigabytes("FLEET_RECORDINGS_FREE_GB", 2.0)
+FLEET_RECORDINGS_PERSON_BYTES = _env.gigabytes("FLEET_RECORDINGS_PERSON_GB", 10.0)
+FLEET_RECORDINGS_ROBOT_BYTES = _env.gigabytes("FLEET_RECORDINGS_ROBOT_GB", 100.0)
+# Days from the end of a recording, by its kind. One that somebody keeps stays.
+FLEET_RECORDINGS_KEEP_DAYS = {
+    "black_box": _env.days("FLEET_RECORDINGS_KEEP_BLACK_BOX_DAYS", 14),
+    "by_hand": _env.days("FLEET_RECORDINGS_KEEP_BY_HAND_DAYS", 90),
+    "booking": _env.days("FLEET_RECORDINGS_KEEP_BOOKING_DAYS", 180),
+}
 
 FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control ends unless renewed
 

@@ -161,6 +161,7 @@ KINDS: dict[str, Kind] = {
     "recording.unshare": Kind(_("recording no longer shared")),
     "recording.download": Kind(_("recording downloaded")),
     "recording.delete": Kind(_("recording deleted")),
+    "recording.expire": Kind(_("recordings expired")),
     "allowance.create": Kind(_("allow-list entry added")),
     "allowance.change": Kind(_("allow-list entry changed")),
     "allowance.delete": Kind(_("allow-list entry deleted")),

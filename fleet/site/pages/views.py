@@ -122,7 +122,12 @@ def privacy(request: HttpRequest) -> HttpResponse:
     records_days = settings.FLEET_AUDIT_KEEP_RECORDS_DAYS
     days = {kept: min(settings.FLEET_AUDIT_KEEP_DAYS[kept.value], records_days) for kept in Kept}
     classes = [{"what": kept.label, "why": WHY_KEPT[kept], "days": days[kept]} for kept in Kept]
-    return render(request, "site/privacy.html", {"classes": classes, "records_days": records_days})
+    context = {
+        "classes": classes,
+        "records_days": records_days,
+        "recording_days": settings.FLEET_RECORDINGS_KEEP_DAYS,
+    }
+    return render(request, "site/privacy.html", context)
 
 
 @login_not_required

@@ -32,6 +32,7 @@ from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import moments, notifications
 from fleet.bookings.services import BookingRefused, remove_old_cancelled, restore_unbegun, store_no_shows
+from robots.recordings import retention as recordings
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -41,6 +42,7 @@ from teleop.control.database_watch import DatabaseWatch
 from teleop.control.selectors import held_leases
 from teleop.control.turns import turns_settle_all
 from teleop.push.worker import PushWorker
+from teleop.recordings import downloads
 from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
@@ -64,8 +66,8 @@ class Command(BaseCommand):
 
     help = (
         "Ends leases and requests whose time is over, and records when a robot is lost and found again. Once a day "
-        "it deletes old sign-in sessions, expired parts of the audit log, tokens that expired long ago, and maps that "
-        "no path needs."
+        "it deletes old sign-in sessions, expired parts of the audit log, expired recordings, tokens that expired long "
+        "ago, and maps that no path needs."
     )
     requires_system_checks = []  # the fleet supervisor ran the checks, which load all pages
 
@@ -206,11 +208,13 @@ def daily_steps() -> Iterator[None]:
     remove_old_cancelled(now)
     remove_old_changes(now)
     remove_old_offers(now)
+    yield from downloads.remove_old()
     yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)
         remove_expired_tokens(now)
         yield from session_maps.remove_unneeded(now)
+        yield from recordings.remove_expired(now)
 
 
 def end_lapsed(database: DatabaseWatch) -> None:
