@@ -8,6 +8,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from typing import Any
 
@@ -50,6 +51,8 @@ from teleop.rosbridge.publishing import Publishing
 from teleop.rosbridge.reassembly import Reassembly
 
 log = logging.getLogger(__name__)
+# Encodes for all clients, one picture after the other: nothing else waits for its thread
+_pictures = ThreadPoolExecutor(1, "rosbridge pictures")
 
 STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
 PING_S = 0.5
@@ -324,7 +327,7 @@ class RosbridgeConsumer(ControllingSocket):
 
     async def send_as(self, text: str, compression: str, fragment_size: int | None) -> None:
         if compression == "png":
-            text = await asyncio.to_thread(framing.as_png, text)
+            text = await asyncio.get_running_loop().run_in_executor(_pictures, framing.as_png, text)
         for part in framing.fragments(text, fragment_size or len(text), f"fragment:{self.next_number()}"):
             await self.send_text(part)
             await asyncio.sleep(0)  # drive input does not wait for all of them

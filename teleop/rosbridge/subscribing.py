@@ -162,11 +162,11 @@ class Subscribing(Family):
             elif topic.compression == "none" and topic.fragment_size is None:
                 await self.client.send_text(framing.as_text(spelt, message.body))
             else:
+                self._sending += 1
                 run_in_background(self._send_slowly(topic, spelt, message.body))
 
     async def _send_slowly(self, topic: _Topic, name: str, body: bytes) -> None:
         """Send a message as a picture or in fragments. Meanwhile the next ones wait, and the newest wins."""
-        self._sending += 1
         try:
             await self.client.send_as(framing.as_text(name, body), topic.compression, topic.fragment_size)
         finally:
