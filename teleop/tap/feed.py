@@ -15,6 +15,8 @@ from functools import partial
 from typing import NamedTuple
 from uuid import UUID
 
+from msgspec import ValidationError, convert
+
 from robots.link.client import BridgeLink
 from robots.link.tap_link import STARTING, TapLink
 from robots.shared.link.flood_limits import TokenBucket
@@ -30,6 +32,7 @@ from robots.shared.wire import (
     TapState,
     TapWant,
     TapWants,
+    TopicName,
 )
 
 log = logging.getLogger(__name__)
@@ -80,6 +83,15 @@ class _Budget:
         self._messages.spend(now_s)
 
 
+def _is_name(topic: str) -> bool:
+    """Return whether the tap takes this name: one that it does not would end its connection, and all readings."""
+    try:
+        convert(topic, TopicName)
+    except ValidationError:
+        return False
+    return True
+
+
 class TapReader:
     """One connection's readings.
 
@@ -112,6 +124,9 @@ class TapReader:
             reading.every_s, reading.queue = every_s, queue
             self.feed.changed()
             return None
+        if not _is_name(topic):
+            text = say("“{topic}” is no name of a topic.", topic=topic[:100])
+            return Refusal("invalid", text, "wire", {"topic": topic[:100]})
         if len(self.readings) >= MOST_READINGS:
             return TOO_MANY_READINGS
         if not self.feed.has_room(topic):

@@ -144,6 +144,14 @@ async def test_readers_learn_why_the_tap_is_gone(open_reader, bridge, tap):
     await reader.learns(lambda state: state.refusal and state.refusal.code == "tap_ended")
 
 
+@pytest.mark.parametrize("name", ["/a b", "a", "/", "/a//b", "/ä", "/" + "x" * 200, "/a\n", ""])
+async def test_a_name_that_no_topic_has_is_refused(name, open_reader, tap):
+    reader = await open_reader()
+    assert reader.tap.read(name, "json").code == "invalid"
+    tap.publish("/a", "goes on")
+    assert await reader.hears() == "goes on"
+
+
 async def test_too_many_topics_are_refused(open_reader, tap):
     reader = await open_reader()
     refusals = [reader.tap.read(f"/many_{number}", "json") for number in range(10_000)]
