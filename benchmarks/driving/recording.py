@@ -94,42 +94,61 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 @asynccontextmanager
 async def recorded(stack: Stack) -> AsyncIterator[Link]:
-    """Record within this context."""
-    [path] = [one for one in stack.run_directory.glob("*.sock") if re.fullmatch(r"[0-9a-f]{12}", one.stem)]
-    async with unix_connect(str(path), max_size=None) as socket:
-        link = Link(stack, socket)
-        await link.begin()
+    """Record the bench's topics within this context."""
+    async with linked(stack) as link:
+        await link.begin(TOPICS)
         try:
             yield link
         finally:
-            await link.end()
+            await link.end_all()
+
+
+@asynccontextmanager
+async def linked(stack: Stack) -> AsyncIterator[Link]:
+    """Context: a link to the bridge of the only robot."""
+    [path] = [one for one in stack.run_directory.glob("*.sock") if re.fullmatch(r"[0-9a-f]{12}", one.stem)]
+    async with unix_connect(str(path), max_size=None) as socket:
+        link = Link(stack, socket)
+        await link.say(wire.LinkHello(wire.PROTOCOL, "bench"))
+        yield link
+
+
+def recorders(stack: Stack) -> list[int]:
+    """Return the process ids of the recorders."""
+    return [
+        child
+        for bridge in process_stats.children(stack.supervisor.pid)
+        for child in process_stats.children(bridge)
+        if "robots.bridge.ros.recorder" in process_stats.arguments(child)
+    ]
 
 
 class Link:
-    """A link to the bridge, which asks for a recording as a web process does."""
+    """A link to the bridge, which asks for recordings as a web process does."""
 
     def __init__(self, stack: Stack, socket: ClientConnection) -> None:
+        self.recording = uuid4()
         self._stack = stack
         self._socket = socket
-        self._recording = uuid4()
         self._seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
 
-    async def begin(self) -> None:
-        """Begin, and wait until it is written."""
-        await self._say(wire.LinkHello(wire.PROTOCOL, "bench"))
-        await self._say(wire.LinkRecord(self._recording, 600.0, TOPICS, "bench", "", seq=1))
+    async def begin(self, topics: wire.RecordedTopics) -> None:
+        """Begin a recording, and wait until it is written."""
+        await self.say(wire.LinkRecord(self.recording, 600.0, topics, "bench", "", seq=1))
         await self._until(lambda state: state is not None and state.bytes > 0)
 
-    async def end(self) -> None:
-        """End it, and wait until the next one may begin."""
-        await self._say(wire.LinkRecordEnd(self._recording, seq=2))
-        await self._until(lambda state: state is None)
+    async def end_all(self) -> None:
+        """End the recording that goes on, if any; wait until the next one may begin."""
+        state = await self._next()
+        if state is not None:
+            await self.say(wire.LinkRecordEnd(state.recording, seq=2))
+            await self._until(lambda state: state is None)
 
     async def use(self) -> list[Figure]:
         """Measure the processor time of the recorder, and what reaches the file."""
         progress("the processor time of a recording ...")
         await asyncio.sleep(SETTLED_S)
-        pid = self._recorder()
+        [pid] = recorders(self._stack)
         began_s, before_s, began = time.monotonic(), process_stats.cpu_s(pid), await self._state()
         await self._let_pass(self._seconds)
         spent_s = time.monotonic() - began_s
@@ -143,16 +162,8 @@ class Link:
             Figure("recorder's memory", process_stats.resident_mb(pid), "MB"),
         ]
 
-    def _recorder(self) -> int:
-        [recorder] = [
-            child
-            for bridge in process_stats.children(self._stack.supervisor.pid)
-            for child in process_stats.children(bridge)
-            if "robots.bridge.ros.recorder" in process_stats.arguments(child)
-        ]
-        return recorder
-
-    async def _say(self, message: wire.LinkRequest) -> None:
+    async def say(self, message: wire.LinkRequest) -> None:
+        """Send a request."""
         await self._socket.send(wire.encode(message).decode())
 
     async def _next(self) -> wire.RecordingState | None:

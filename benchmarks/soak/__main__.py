@@ -8,10 +8,13 @@ audit: every message that reaches the robot must have a record. Every round: dri
 kill one or two of web process, bridge, records process and database with kill -9; start again; compare the robot's
 messages with the log. Half of the rounds use SQLite and half PostgreSQL, if it is installed.
 
+recordings: every file of a recording must open. Every round: drive, record, kill one or two processes with kill -9,
+wait until the cut file is finished, and read all files.
+
 attacks: floods from a robot's network and at the web port while somebody drives; see `benchmarks.attacks`.
 They run only by name.
 
-motion and audit end at the first round that breaks a rule; the printed seed repeats the same rounds.
+motion, audit and recordings end at the first round that breaks a rule; the printed seed repeats the same rounds.
 """
 
 from __future__ import annotations
@@ -29,8 +32,10 @@ from benchmarks.attacks.catalogue import ATTACKS
 from benchmarks.attacks.run import soak_attacks
 from benchmarks.driving.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
 from benchmarks.harness import progress
+from benchmarks.soak import recordings
 from benchmarks.soak.killed import PARTS as WRITERS
 from benchmarks.soak.killed import Database, Embedded, LostError, Person, Rounds, Witness
+from benchmarks.soak.recordings import UnreadableError
 from script.stack.client import sign_in
 from script.stack.processes import Ended, ended_by_signals
 from script.stack.stack import PRACTICE_ROBOTS, Stack, StartError, temporary_stack
@@ -39,7 +44,7 @@ from tests.script.servers import Postgresql, postgresql_installed, running_postg
 STANDSTILL_S = 1.0  # from the kill; includes the controller's own time-out and braking
 SETTLED_S = 2.0
 READY_S = 90.0  # a fleet supervisor whose restart budget is used up pauses for a minute
-ROUNDS = {"motion": 100, "audit": 50}
+ROUNDS = {"motion": 100, "audit": 50, "recordings": 20}
 PARTS = ("web", "bridge", "supervisor", "master")
 
 
@@ -51,10 +56,13 @@ def main() -> int:
     """Return the exit status."""
     parser = argparse.ArgumentParser(
         prog="script/soak",
-        description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log.",
+        description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log, and every "
+        "recording must open.",
     )
     parser.add_argument("what", nargs="?", choices=[*ROUNDS, "attacks"], help="only this one")
-    parser.add_argument("--rounds", type=int, help="of each; else 100 of motion, 50 of audit")
+    parser.add_argument(
+        "--rounds", type=int, help="of each; else 100 of motion, 50 of audit, 20 of recordings"
+    )
     parser.add_argument("--seed", type=int, default=int(time.time()))
     attacks = parser.add_argument_group("attacks")
     attacks.add_argument(
@@ -68,7 +76,7 @@ def main() -> int:
         for one in ATTACKS:
             print(f"{one.name:<16} {one.words}")
         return 0
-    soaks = {"motion": soak, "audit": soak_audit}
+    soaks = {"motion": soak, "audit": soak_audit, "recordings": soak_recordings}
     try:
         with ended_by_signals():
             if asked.what == "attacks":
@@ -79,7 +87,7 @@ def main() -> int:
     except Ended as ended:
         progress(f"Ended by {ended}.")
         return 130
-    except (RuleBrokenError, LostError, StartError, TimeoutError) as error:
+    except (RuleBrokenError, LostError, UnreadableError, StartError, TimeoutError) as error:
         print(f"soak: {error}", file=sys.stderr)
         return 1
     return 0
@@ -143,6 +151,12 @@ def revive(stack: Stack, victims: list[str]) -> None:
     if "web" in victims:
         stack.release(stack.web)
         stack.start_web()
+
+
+def soak_recordings(rounds: int, seed: int) -> None:
+    """Run the rounds of *recordings*."""
+    files = recordings.soak(rounds, seed)
+    print(f"soak: {rounds} rounds with seed {seed}; all {files} files of recordings open")
 
 
 def soak_audit(rounds: int, seed: int) -> None:

@@ -395,12 +395,16 @@ class Recorder:
             if taken.robot == self._robot:
                 self._say(Finished(taken))
 
+    def lost_robot(self) -> None:
+        """Keep what was before the loss of the robot's master."""
+        self._keep(Happened("fault", time.monotonic_ns(), say("The robot’s ROS master was lost.")))
+
     def close(self, within_s: float) -> None:
-        """Finish what goes on: the bridge ends."""
+        """Finish what goes on: this process ends."""
         with self._lock:
             takes = list(self._takes)
         for take in takes:
-            take.end(say("The robot’s bridge ended."))
+            take.end(say("Its recorder ended."))
         until_s = time.monotonic() + within_s
         for take in takes:
             take.join(max(until_s - time.monotonic(), 0.0))

@@ -65,6 +65,7 @@ class Take:
         self._opened = opened
         self.is_open = False
         self._lock = threading.Condition()
+        self._first: deque[Message] = deque()
         self._waiting: deque[Message] = deque()
         self._waiting_bytes = 0
         self._ending = False
@@ -78,9 +79,7 @@ class Take:
 
     def start(self, first: Iterable[Message] = ()) -> None:
         """Begin with these messages: they may be more than may wait later."""
-        for message in first:
-            self._waiting.append(message)
-            self._waiting_bytes += message.size
+        self._first.extend(first)
         self._thread.start()
 
     def put(self, message: Message) -> None:
@@ -172,7 +171,7 @@ class Take:
             if not self._ending:
                 self._lock.wait(FLUSH_S)
             ending = self._ending
-        self._make_room(CHUNK_BYTES + self._waiting_bytes)
+        self._make_room(CHUNK_BYTES + self._waiting_bytes + sum(message.size for message in self._first))
         while (message := self._next()) is not None:
             self._add(file, message)
         self._note(file)
@@ -184,6 +183,8 @@ class Take:
         return ending
 
     def _next(self) -> Message | None:
+        if self._first:
+            return self._first.popleft()
         with self._lock:
             if not self._waiting:
                 return None

@@ -1,9 +1,10 @@
-"""The rospy node of a process beside the bridge: inspector or camera process. It ends with the robot's master."""
+"""The rospy node of a process beside the bridge, such as the inspector. It ends with the robot's master."""
 
 from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -20,8 +21,11 @@ log = logging.getLogger(__name__)
 WATCH_S = 5.0
 
 
-def join(config: BridgeConfig, name: str) -> None:
-    """Start the node under a unique name that begins with `name`: other consoles have such processes too."""
+def join(config: BridgeConfig, name: str, at_end: Callable[[], object] = lambda: None) -> None:
+    """Start the node under a unique name that begins with `name`: other consoles have such processes too.
+
+    `at_end` is called before the process ends with the master.
+    """
     os.environ["ROS_MASTER_URI"] = config.master_uri
     os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
     os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
@@ -35,7 +39,7 @@ def join(config: BridgeConfig, name: str) -> None:
         disable_rostime=True,
         disable_rosout=True,
     )
-    start_vital(partial(_end_with_the_master, watch), "master")
+    start_vital(partial(_end_with_the_master, watch, at_end), "master")
 
 
 def leave() -> None:
@@ -43,8 +47,9 @@ def leave() -> None:
     rospy.signal_shutdown("nobody looks")
 
 
-def _end_with_the_master(watch: DeathWatch) -> None:
+def _end_with_the_master(watch: DeathWatch, at_end: Callable[[], object]) -> None:
     while not watch.wait(WATCH_S):
         pass
     log.warning("the robot's ROS master is gone")
+    at_end()
     os._exit(1)

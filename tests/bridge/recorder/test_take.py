@@ -6,6 +6,7 @@ import os
 import shutil
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -30,7 +31,7 @@ WORDS = Origin("/scan", "ros1", "std_msgs/String", "1", "string data", "/laser")
 class Recording:
     """A take, and what became of it."""
 
-    def __init__(self, directory: RecordingDirectory, clock: RecordingClock | None = None) -> None:
+    def __init__(self, directory: RecordingDirectory, first: Sequence[Message] = ()) -> None:
         self.results: list[TakenRecording | Refusal] = []
         about = TakenRecording(
             uuid4(), "robot", "by_hand", time.time(), time.time(), 0, str(directory.path), "", []
@@ -38,11 +39,11 @@ class Recording:
         self.take = Take(
             directory,
             about,
-            clock or RecordingClock(),
+            RecordingClock(),
             lambda _, result: self.results.append(result),
             lambda _: None,
         )
-        self.take.start()
+        self.take.start(first)
 
     def put(self, origin: Origin = SCAN, size: int = 1000) -> None:
         self.take.put(Message(origin, 1, time.monotonic_ns(), os.urandom(size)))
@@ -85,6 +86,14 @@ def test_types_and_dropped_messages_are_in_file_and_result(directory, monkeypatc
     assert (words.type, words.messages, words.dropped) == ("std_msgs/String", 1, 0)
     path = directory.path / taken.name
     assert messages(path) == scan.messages + 1 and finished_files.read(path) == taken
+
+
+def test_a_full_ring_costs_no_message_that_follows(directory) -> None:
+    recording = Recording(directory, first=[Message(SCAN, 0, 0, bytes(1_000_000)) for _ in range(40)])
+    for _ in range(20):
+        recording.put(SCAN, 1_000_000)
+    recording.take.end()
+    assert (recording.result().dropped, recording.result().topics[0].messages) == (0, 60)
 
 
 def test_a_full_disk_ends_it_with_a_file_that_opens(directory) -> None:

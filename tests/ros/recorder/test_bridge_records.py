@@ -144,5 +144,5 @@ def test_a_killed_bridge_leaves_a_file_whose_row_follows(rosmaster, tmp_path, di
     with running_bridge(config, rosmaster, tmp_path) as (process, _):
         until(lambda: taken_by(process), "the row")
         (taken,) = taken_by(process)
-        assert taken.recording == recording and taken.ended_by == "The robot’s bridge ended."
+        assert taken.recording == recording and taken.ended_by == "Its recorder ended."
         until(lambda: not list(directory.glob("*.new")), "the row to be known")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -20,7 +21,7 @@ from robots.bridge.recorder.recorder_messages import (
     Said,
 )
 from robots.shared import wire
-from tests.processes import until
+from tests.processes import PATIENCE_S, until
 from tests.ros.recorder.process import RecorderProcess, messages_of
 
 
@@ -113,3 +114,17 @@ def test_the_black_box_keeps_what_was_before_an_event(recorder, publish) -> None
     found = messages_of(recorder.directory / taken.name)
     assert found.keys() == {"/scan_raw", COMMAND} and len(found["/scan_raw"]) >= 8
     assert taken.begins < taken.events[0].at < taken.ends
+
+
+def test_a_lost_master_is_a_fault_that_is_kept(make_master, tmp_path: Path) -> None:
+    master = make_master()
+    recorder = RecorderProcess(master, tmp_path)
+    recorder.say(InControl("person-1", "session-1"))
+    until(lambda: recorder.progress.black_box, "the black box")
+    recorder.say(said(5))
+    master.kill()
+    taken = recorder.waits(Finished).taken
+    assert [event.event for event in taken.events] == ["fault"]
+    assert COMMAND in messages_of(recorder.directory / taken.name)
+    assert recorder.process.wait(PATIENCE_S) == 1
+    recorder.kill()

@@ -63,6 +63,13 @@ def _recover(recorder: Recorder) -> None:
         time.sleep(RECOVER_S)
 
 
+def _end_with_the_master(recorder: Recorder) -> None:
+    """Keep what was before the loss: nothing more comes."""
+    exit_within(END_S)
+    recorder.lost_robot()
+    recorder.close(FINISH_S)
+
+
 def main() -> None:
     """Run until stdin ends."""
     logging.basicConfig(format="recorder: %(message)s")
@@ -74,7 +81,7 @@ def main() -> None:
     config = msgspec.json.decode(sys.stdin.buffer.readline(), type=BridgeConfig)
     if config.recordings is None:
         raise SystemExit("this bridge keeps no recordings")
-    child_node.join(config, RECORDER)
+    child_node.join(config, RECORDER, lambda: _end_with_the_master(recorder))
     recorder = Recorder(config, config.recordings, Lines(), lambda wanted: reading.follow(wanted))
     reading = Reading(Definitions(Path(config.state_dir) / "definitions"), recorder)
     start_vital(reading.run, "reading")
