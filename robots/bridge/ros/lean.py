@@ -1,8 +1,8 @@
 """Keeps out of bridge and watchdog what rospy and its parts import and they never use: one of each runs for each robot.
 
 All of it is optional to who imports it: of roslib rospy asks only whether a shell uses it, which it is told; pydoc
-describes methods of XML-RPC on a page that nobody opens; without numpy genpy knows no numpy numbers, without ssl there
-is no TLS, without OpenSSL hashlib computes by itself. Packages of messages import all their classes; here they import
+describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages; without numpy genpy knows no numpy numbers, without ssl there
+is no TLS, without OpenSSL hashlib computes by itself, without bz2 and lzma shutil packs less. Packages of messages import all their classes; here they import
 each one when it is asked for.
 """
 
@@ -16,6 +16,7 @@ from typing import Any
 
 import robots.shared.ros  # noqa: F401  (makes ROS importable)
 
+EMPTY = ("pydoc", "roslib", "xml.dom", "xml.dom.minidom")
 MESSAGES = ("actionlib_msgs", "geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
 
 
@@ -26,10 +27,9 @@ def leave_out(*modules: str) -> None:
 
 def lighten() -> None:
     """Leave out what neither process needs. Call this first."""
-    leave_out("_hashlib")
-    pydoc = sys.modules["pydoc"] = ModuleType("pydoc")
-    pydoc.HTMLDoc = object  # type: ignore[attr-defined]  # the base of a class
-    sys.modules["roslib"] = ModuleType("roslib")
+    leave_out("_hashlib", "bz2", "lzma")
+    sys.modules |= {name: ModuleType(name) for name in EMPTY}
+    sys.modules["pydoc"].HTMLDoc = object  # type: ignore[attr-defined]  # the base of a class
     for package in MESSAGES:
         sys.modules[f"{package}.msg"] = import_module(package).msg = _Messages(package)  # type: ignore[attr-defined]
 
