@@ -1,9 +1,9 @@
 """Keeps out of bridge and watchdog what rospy and its parts import and they never use: one of each runs for each robot.
 
 All of it is optional to who imports it: of roslib rospy asks only whether a shell uses it, which it is told; pydoc
-describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages; without numpy genpy knows no numpy numbers, without ssl there
-is no TLS, without OpenSSL hashlib computes by itself, without bz2 and lzma shutil packs less. Packages of messages import all their classes; here they import
-each one when it is asked for.
+describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages; without numpy genpy knows
+no numpy numbers, without ssl there is no TLS, without OpenSSL hashlib computes by itself, without bz2 and lzma shutil
+packs less. Packages of messages import all their classes; here they import each one when it is asked for.
 """
 
 from __future__ import annotations

@@ -427,8 +427,9 @@ def test_a_laser_of_40_hz_may_cost_a_slow_computers_loop_a_fifth():
     assert not speaker.dropped
 
 
-def test_static_transforms_may_have_a_node_each():
+def test_static_transforms_and_logs_may_have_a_node_each():
     assert kind_of("/tf_static", "tf2_msgs/TFMessage").publishers >= 50
+    assert kind_of("/rosout", "*").publishers >= 50
 
 
 class _Topics:

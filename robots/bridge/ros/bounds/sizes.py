@@ -41,8 +41,8 @@ KINDS = {
     "std_msgs/Bool": Kind(BRIEF),
     # Each static transform of a robot may have its own node.
     "tf2_msgs/TFMessage": Kind(256 * KB, 2000.0, publishers=64),
-    # Any type: only the inspector subscribes this way, in its own process.
-    "*": Kind(32 * MB, 20_000.0, share=2.0),
+    # Any type: only inspector and tap subscribe this way, in processes of their own. Each node publishes its log.
+    "*": Kind(32 * MB, 20_000.0, share=2.0, publishers=64),
 }
 
 _expected: dict[str, str] = {}  # type by topic, for topics that are subscribed without a type
