@@ -175,6 +175,7 @@ def _by_ticket(text: str, path: str) -> dict[str, Any]:
     _, door, robot, *_ = path.split("/")
     ticket = ticket_use(text, robot=robot, door=door)
     if ticket.token is not None:
+        require_for_token(ticket.token)
         return _signed_in(ticket.token)
     return {"user": ticket.user, "session": SimpleNamespace(session_key=ticket.session_key)}
 
