@@ -6,6 +6,7 @@ from teleop import views
 from teleop.alerts import views as alert_views
 from teleop.foxglove.lichtblick import lichtblick
 from teleop.push import views as push_views
+from teleop.recordings import views as recording_views
 from teleop.reports import views as report_views
 from teleop.stop import views as stop_views
 from teleop.webhooks import views as webhook_views
@@ -24,6 +25,8 @@ urlpatterns = [
         report_views.control_session_map,
         name="control-session-map",
     ),
+    path("recordings/", recording_views.recordings, name="recordings"),
+    path("recordings/<uuid:recording_id>/", recording_views.recording, name="recording"),
     path("today/", report_views.today_page, name="today"),
     path("courses/<slug:slug>/marks.csv", report_views.marks_file, name="course-marks"),
     path("your-data/", report_views.your_data, name="your-data"),

@@ -50,6 +50,7 @@ _Answer = TypeVar("_Answer")
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
 _ANSWER_TIMEOUT_S = 1.0
 _TASK_TIMEOUT_S = 5.0  # the page stops waiting much earlier
+_RECORD_TIMEOUT_S = 12.0  # the bridge answers within 10 s, when its recorder has started
 _QUERY_TIMEOUT_S = 12.0  # the bridge reports a failure after 2 s, or after 10 s while its inspector starts
 _MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
 SILENT_S = 2.0  # a bridge reports its state twice a second
@@ -76,7 +77,8 @@ _OTHER_ROBOT = Refusal(
     "robot",
 )
 
-_TASK_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.TaskRequest), wire.LinkCancel))
+_ANSWERED = (*get_args(wire.TaskRequest), wire.LinkCancel, wire.LinkRecord, wire.LinkRecordEnd, wire.LinkKeep)
+_TASK_KINDS = frozenset(kind.__struct_config__.tag for kind in _ANSWERED)
 
 
 class _Hello(Struct, tag_field="t", tag="bridge_hello"):
@@ -318,6 +320,14 @@ class BridgeLink:
         with self._task_requests.waiting_for((wire.kind_of(cancel), None, number)) as answer:
             await self._ask(structs.replace(cancel, seq=number))
             return await _await_answer(answer, _TASK_TIMEOUT_S)
+
+    async def record(self, order: wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep) -> Accepted | Refused:
+        """Begin or end a recording, or keep what was before now. Returns and raises as `request_task`."""
+        self._require_capacity(self._task_requests, _MOST_TASK_REQUESTS)
+        number = self._task_requests.number()
+        with self._task_requests.waiting_for((wire.kind_of(order), None, number)) as answer:
+            await self._ask(structs.replace(order, seq=number))
+            return await _await_answer(answer, _RECORD_TIMEOUT_S)
 
     async def query_topics(self, question: wire.TopicQuery | wire.DoorQuery) -> str:
         """Send a query about topics. Returns the encoded `wire.DoorAnswer`, or raises LinkRefused."""

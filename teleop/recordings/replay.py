@@ -17,7 +17,24 @@ from robots.recordings.files.decoding import Decoder, UnknownType, number_at
 from robots.shared.wire import NotDone, Refusal
 from teleop.recordings.selectors import Part, Sight
 
-VIEW = "/fleet/view"
+VIEW, COMMAND = "/fleet/view", "/fleet/command"
+# Numbers of the console's own channels, which are JSON, that can be plotted
+OWN_FIELDS = {
+    VIEW: [
+        "state.odometry.vx",
+        "state.odometry.vy",
+        "state.odometry.w",
+        "state.battery_percent",
+        "state.latency_s",
+    ],
+    COMMAND: ["drive.x", "drive.y", "drive.w", "drive.share"],
+    "/fleet/verdict": [
+        *(f"{name}[{axis}]" for name in ("asked", "allowed") for axis in range(3)),
+        "distance_m",
+        "bearing_rad",
+    ],
+}
+COMMAND_LASTS_NS = 500_000_000  # a stick position is shown with the views of this time after it
 LONGEST_S = 30.0  # of views in one answer
 MOST_BYTES = 4 * 1024 * 1024  # of views in one answer
 MOST_POINTS = 2000  # of a series
@@ -62,7 +79,7 @@ def contents_of(sight: Sight, contents: Contents) -> RecordedContents:
     for channel in contents.channels:
         schema = contents.schema_of(channel)
         try:
-            fields = Decoder(channel, schema).number_fields()
+            fields = OWN_FIELDS.get(channel.topic) or Decoder(channel, schema).number_fields()
         except UnknownType:
             fields = []
         kind = schema.name if schema else ""
@@ -79,7 +96,7 @@ def contents_of(sight: Sight, contents: Contents) -> RecordedContents:
 
 
 def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> bytes:
-    """Return the views of a time as JSON: {"views": [[at_s, view], …], "until_s": …}.
+    """Return the views of a time as JSON: {"views": [[at_s, view, command or null], …], "until_s": …}.
 
     It ends earlier than asked after `LONGEST_S` or `MOST_BYTES`, and with the part. Raises `NotDone`.
     """
@@ -87,13 +104,19 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
     until_s = min(until_s, from_s + LONGEST_S, _since(sight, part.ends_at))
     pieces: list[bytes] = []
     size = 0
-    for recorded in contents.messages([VIEW], _ns(sight, from_s), _ns(sight, until_s) + 1):
+    command, commanded_ns = b"null", 0
+    for recorded in contents.messages([VIEW, COMMAND], _ns(sight, from_s), _ns(sight, until_s) + 1):
+        if recorded.channel.topic == COMMAND:
+            command, commanded_ns = recorded.message.data, recorded.message.log_time
+            continue
+        if recorded.message.log_time > commanded_ns + COMMAND_LASTS_NS:
+            command = b"null"
         at_s = round(_at_s(sight, recorded.message.log_time), 3)
         size += len(recorded.message.data)
         if size > MOST_BYTES and pieces:
             until_s = at_s
             break
-        pieces.append(b"[%s,%s]" % (repr(at_s).encode(), recorded.message.data))
+        pieces.append(b"[%s,%s,%s]" % (repr(at_s).encode(), recorded.message.data, command))
     return b'{"views":[%s],"until_s":%s}' % (b",".join(pieces), repr(round(until_s, 3)).encode())
 
 

@@ -35,6 +35,7 @@ from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import courses_managed_by, robot_visible_to, supervises
 from robots.access.who_sees import reader_of
 from teleop.control.selectors import end_notes
+from teleop.recordings.lines import lines_of_session
 from teleop.reports import marks, own_data, path_plot, robot_report, session_report, today
 from teleop.reports.session_maps import maps_of
 
@@ -69,9 +70,11 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     if session is None:
         raise Http404("There is no such control session, or you may not see it.")
     report = session_report.report_of(session)
+    reader = reader_of(person)
     context = {
         "report": report,
-        "life": session_report.booking_life(session, reader_of(person)),
+        "life": session_report.booking_life(session, reader),
+        "recordings": lines_of_session(person, session, reader),
         "session": session,
         "note": in_words(end_notes([session.pk]).get(session.pk, "")),
         "supervises": supervises(person, session.robot),

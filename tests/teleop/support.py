@@ -182,7 +182,10 @@ class FakeBridge:
             order = message.order
             if self.refuses_tasks:
                 link.report(wire.Refused("velocity", self.refuses_tasks, order.seq, order.fence))
-        elif isinstance(message, wire.TaskRequest | wire.LinkCancel):
+        elif isinstance(
+            message,
+            wire.TaskRequest | wire.LinkCancel | wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep,
+        ):
             kind, fence = wire.kind_of(message), getattr(message, "fence", None)
             if self.refuses_tasks:
                 link.report(wire.Refused(kind, self.refuses_tasks, message.seq, fence))

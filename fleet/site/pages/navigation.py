@@ -49,6 +49,7 @@ def _pages_of(user: Any) -> list[tuple[str, ...]]:
         (_("Robots"), "fleet"),
         (_("Bookings"), "bookings"),
         (_("My bookings"), "bookings-mine"),
+        (_("Recordings"), "recordings"),
         *supervisors,
         *([(_("Courses"), "courses")] if courses else []),
         *([(_("Status"), "status")] if supervisors else []),

@@ -30,6 +30,7 @@ BrowserMessage = (
     | page.ShowJoints
     | TaskRequest
     | page.Refresh
+    | page.RecordingRequest
     | page.Stop
     | page.Clear
     | Ack

@@ -61,6 +61,7 @@ class FleetState(Worded, frozen=True):
     drive_by: DriveByProgress | None = None
     going: GoProgress | None = None
     limbs: dict[Limb, LimbState] = {}  # those that move
+    recorded_by: str | None = None  # who records it now; None: nobody
 
 
 class FleetCard(Struct, frozen=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Annotated, Literal
+from uuid import UUID
 
 from msgspec import Meta, Struct
 
@@ -21,6 +22,7 @@ from robots.shared.wire.base import (
 from robots.shared.wire.camera import CameraEntry
 from robots.shared.wire.fleet import Booked
 from robots.shared.wire.limbs import Limb, LimbRange
+from robots.shared.wire.recordings import RecordedTopics
 
 Chosen = Annotated[list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=200)]
 
@@ -115,6 +117,31 @@ class Refresh(Struct, frozen=True, tag_field="t", tag="refresh"):
     """Read the robot's capabilities again. For everybody who may see it. `Offers` follows."""
 
     seq: Seq = 0
+
+
+class Record(Struct, frozen=True, tag_field="t", tag="record"):
+    """Record the robot from now on, until the slot ends. For the person in control, supervisors and staff."""
+
+    topics: RecordedTopics = "pictures_not"
+    reason: Annotated[str, Meta(max_length=200)] = ""
+    seq: Seq = 0
+
+
+class RecordEnd(Struct, frozen=True, tag_field="t", tag="record_end"):
+    """End this recording (`RecordingState.recording`). For who began it, the person in control, supervisors, staff."""
+
+    recording: UUID
+    seq: Seq = 0
+
+
+class KeepThis(Struct, frozen=True, tag_field="t", tag="keep_this"):
+    """Keep the last 30 s and the next 15 s. For the person in control, supervisors and staff."""
+
+    reason: Annotated[str, Meta(max_length=200)] = ""
+    seq: Seq = 0
+
+
+RecordingRequest = Record | RecordEnd | KeepThis
 
 
 class StopRobot(Struct, frozen=True, tag_field="t", tag="stop"):

@@ -251,6 +251,8 @@ class ControlPage {
       this.#parts["keys-open"],
       this.#parts["hints-open"],
       this.#parts["lichtblick-open"],
+      this.#parts["record-open"],
+      this.#parts["keep-this"],
     ])
       opener.addEventListener("click", shut, { signal, capture: true });
     this.#endings.push(

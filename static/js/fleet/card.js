@@ -19,6 +19,7 @@ export function showRobot({ card, own }, shown, robot) {
   setText(own.status, shown.status);
   setText(own.doing, shown.doing);
   setTextOrHide(own.why, shown.why);
+  setTextOrHide(own.recorded, shown.recorded);
   setText(own.battery, shown.battery);
   setText(own.health, shown.health);
   mark(own.health, "level", shown.healthLevel);

@@ -39,6 +39,7 @@ export function cardOf({
       why: (out ?? refusal)?.text ?? "",
       doing: silent ? gettext("It sends no data") : gettext("Out of reach"),
       driver: "–",
+      recorded: "",
       battery: "–",
       health: "–",
       healthLevel: "ok",
@@ -77,6 +78,8 @@ export function cardOf({
       .join(" "),
     doing: alarm || unknown || doingText(state),
     driver: state.holder ?? gettext("Nobody"),
+    recorded:
+      !unknown && state.recorded_by ? interpolate(gettext("%s records"), [state.recorded_by]) : "",
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],

@@ -16,6 +16,7 @@ export const FORGOTTEN_MS = 15_000;
  *   the end later
  * @property {"optional" | "none"} [control] optional: the console checks who may send it without control;
  *   none: it does not concern control. Without it, control is needed.
+ * @property {number} [patienceMs] an answer is late after this time
  * @property {boolean} [ends] it ends something: it is sent also while the robot, or the way to it, is silent
  */
 
@@ -81,7 +82,8 @@ export class TaskRequests {
       return Promise.resolve(this.#refused(request, { code: "not_connected", text }));
     }
     return new Promise((resolve) => {
-      const late = setTimeout(() => this.#late(message.seq), PATIENCE_MS);
+      const { patienceMs = PATIENCE_MS } = this.#kinds[request.t];
+      const late = setTimeout(() => this.#late(message.seq), patienceMs);
       const forgotten = setTimeout(() => this.#waiting.delete(message.seq), FORGOTTEN_MS);
       this.#waiting.set(message.seq, { request, resolve, timers: [late, forgotten] });
     });

@@ -267,7 +267,7 @@ class ViewsView(RecordingBase):
         refuses=(404, 503),
     )
     def get(self, recording_id: UUID, query: ViewsAsked) -> HttpResponse:
-        """`views`: pairs of a time and a `View`. `until_s`: where the answer ends; ask again from there."""
+        """`views`: each a time, a `View`, the stick position or null. `until_s`: the answer ends there; ask again."""
         sight = self.sight(recording_id)
         with self.contents(sight) as contents:
             views = replay.views(sight, contents, query.from_, query.to)

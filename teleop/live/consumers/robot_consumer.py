@@ -31,6 +31,7 @@ from teleop.live.consumers.controlling_socket import ControllingSocket
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.control_holder import ControlHolder
 from teleop.live.grant_renewal import Delays
+from teleop.live.recording_sender import RecordingSender
 from teleop.live.view_feed import Viewer
 from teleop.stop import emergency_stop
 
@@ -57,6 +58,7 @@ class RobotConsumer(ControllingSocket):
         """Join the robot's hub, if this person may see the robot."""
         if await self.join() is not None:
             self.prepare()
+            self.recordings = RecordingSender(self)
 
     async def on_close(self) -> None:
         """Stop the robot at once. The lease can be resumed if the page comes back."""
@@ -85,6 +87,8 @@ class RobotConsumer(ControllingSocket):
             self.hub.viewers_changed()
         elif isinstance(message, wire.TaskRequest):
             await self.tasks.start(message)
+        elif isinstance(message, wire.RecordingRequest):
+            await self.recordings.start(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
                 await self.viewer.acknowledge()

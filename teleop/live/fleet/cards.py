@@ -178,6 +178,7 @@ def fleet_state(state: State) -> FleetState:
         drive_by=state.drive_by,
         going=going and structs.replace(going, left_m=None),
         limbs={name: limb for name, limb in state.limbs.items() if limb.to_m is not None},
+        recorded_by=state.recording.by if state.recording and state.recording.left_s > 0 else None,
     )
 
 

@@ -13,9 +13,26 @@ from robots.access.models import Course
 
 pytestmark = pytest.mark.django_db
 
-EVERYBODY = ["/", "/bookings/", "/bookings/mine/", "/help/operators/"]
-OF_SUPERVISORS = ["/", "/bookings/", "/bookings/mine/", "/today/", "/status/", "/help/operators/"]
-OF_TEACHERS = ["/", "/bookings/", "/bookings/mine/", "/today/", "/courses/", "/status/", "/help/operators/"]
+EVERYBODY = ["/", "/bookings/", "/bookings/mine/", "/recordings/", "/help/operators/"]
+OF_SUPERVISORS = [
+    "/",
+    "/bookings/",
+    "/bookings/mine/",
+    "/recordings/",
+    "/today/",
+    "/status/",
+    "/help/operators/",
+]
+OF_TEACHERS = [
+    "/",
+    "/bookings/",
+    "/bookings/mine/",
+    "/recordings/",
+    "/today/",
+    "/courses/",
+    "/status/",
+    "/help/operators/",
+]
 OF_STAFF = [*OF_TEACHERS[:-1], "/admin/", "/webhooks/", "/mail/", "/help/operators/"]
 
 SignedIn = Callable[[User], Client]

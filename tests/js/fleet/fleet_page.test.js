@@ -203,7 +203,7 @@ describe("the fleet page", () => {
 
   const card = (slug, name) => `
     <article data-robot="${slug}">
-      <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p><p data-part="turn"></p>
+      <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p><p data-part="turn"></p><span data-part="recorded"></span>
       <b data-part="doing"></b><b data-part="alarm"></b><b data-part="battery"></b><b data-part="health"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
       <b data-part="stop-state"></b><b data-part="stop-why"></b>
       <b data-part="book"></b>

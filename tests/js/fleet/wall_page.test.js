@@ -8,6 +8,7 @@ const NAMES = [
   "alarm",
   "why",
   "turn",
+  "recorded",
   "battery",
   "health",
   "driver",

@@ -61,7 +61,7 @@ def test_an_owner_replays_all(recording: Recording, operator: User) -> None:
     [odom] = [one for one in detail["contents"]["channels"] if one["topic"] == "/odom"]
     assert odom["messages"] == 100 and "at.z" in odom["fields"]
     views = get(operator, recording, "/views?from=2&to=4").json()
-    assert [at for at, _ in views["views"]] == [round(2 + tick / 10, 1) for tick in range(21)]
+    assert [at for at, *_ in views["views"]] == [round(2 + tick / 10, 1) for tick in range(21)]
     assert views["views"][0][1] == {"state": {"speed": 20}}
     series = get(operator, recording, "/series?topic=/odom&field=speeds[1]&from=0&to=1").json()
     assert series["values"] == [-float(tick) for tick in range(11)]

@@ -10,6 +10,7 @@ import { HeadStick } from "../../limbs/head_stick.js";
 import { LimbPanel } from "../../limbs/limb_panel.js";
 import { MapPanel } from "../../navigation/map_panel.js";
 import { ControlPalette } from "../../palette/control_palette.js";
+import { RecordingPanel } from "../../recordings/recording_panel.js";
 import { ScenePanel } from "../../scene/scene_panel.js";
 import { History } from "../../tasks/history.js";
 import { Motions } from "../../tasks/motions.js";
@@ -42,5 +43,6 @@ export const PANELS = [
   ControlPalette,
   PlotCells,
   Lichtblick,
+  RecordingPanel,
   Arrange,
 ];

@@ -1,0 +1,107 @@
+"""The pages of recordings: the list with its filters in the address, and the replay of one."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.db import connection
+from django.test import Client
+from django.test.utils import CaptureQueriesContext
+
+from fleet.accounts.models import User
+from robots.recordings.models import Recording
+from robots.registry.models import Robot
+from tests.teleop.recordings.test_sight import BEGAN, at, session
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def recording(robot: Robot, operator: User) -> Recording:
+    """Ten minutes of the operator, with a stop in the sixth."""
+    return Recording.objects.create(
+        robot=robot,
+        person=operator,
+        kind="black_box",
+        begins_at=BEGAN,
+        ends_at=at(10),
+        file="one.mcap",
+        bytes=2_000_000,
+        reason="bumped into the <b>cupboard</b>",
+        events=[{"event": "stop", "at": at(5.5).timestamp(), "text": "Emergency stop", "by": "Olga"}],
+        topics=[{"topic": "/odom", "type": "nav_msgs/Odometry", "messages": 100, "dropped": 0}],
+    )
+
+
+def page(person: User, path: str) -> Any:
+    client = Client()
+    client.force_login(person)
+    return client.get(path)
+
+
+def test_the_list_by_the_filters_in_its_address(recording: Recording, operator: User) -> None:
+    whole = page(operator, "/recordings/").text
+    assert f"/recordings/{recording.pk}/" in whole and "emergency stop" in whole and "0:10:00" in whole
+    assert "&lt;b&gt;cupboard" in whole
+    for query, count in (
+        ("?q=cupboard&robot=tiago-1&kind=black_box&event=stop&topic=/odom&from=2026-11-02&to=2026-11-02", 1),
+        ("?event=gate", 0),
+        ("?to=2026-11-01", 0),
+        ("?from=nonsense&to=0001-01-01&page=-3&kind=%00&q=%25", 0),
+        ("?from=9999-12-31", 1),
+    ):
+        shown = page(operator, f"/recordings/{query}")
+        assert shown.status_code == 200
+        assert shown.text.count('data-kind="black_box"') == count, query
+
+
+def test_others_see_nothing_of_it(recording: Recording, stranger: User, second_operator: User) -> None:
+    assert str(recording.pk) not in page(stranger, "/recordings/").text
+    assert page(stranger, f"/recordings/{recording.pk}/").status_code == 404
+    assert page(second_operator, f"/recordings/{recording.pk}/").status_code == 404
+
+
+def test_a_student_replays_their_own_part(
+    recording: Recording, robot: Robot, operator: User, second_operator: User
+) -> None:
+    session(robot, operator, 0, 4)
+    session(robot, second_operator, 5, 8)
+    shown = page(operator, f"/recordings/{recording.pk}/").text
+    replay = json.loads(re.findall(r'<script id="recording"[^>]*>(.*?)</script>', shown)[0])
+    assert replay["sees"] == [[0.0, 240.0]] and replay["events"] == []
+    assert "emergency stop" not in page(operator, "/recordings/").text.split('id="list"')[1]
+    assert "0:04:00" in page(operator, "/recordings/").text and 'data-part="delete"' not in shown
+    theirs = json.loads(
+        re.findall(
+            r'<script id="recording"[^>]*>(.*?)</script>',
+            page(second_operator, f"/recordings/{recording.pk}/").text,
+        )[0]
+    )
+    assert theirs["sees"] == [[300.0, 480.0]] and theirs["events"][0]["atS"] == 330.0
+
+
+def test_a_long_list_needs_few_queries(
+    recording: Recording, robot: Robot, operator: User, staff: User
+) -> None:
+    Recording.objects.bulk_create(
+        Recording(
+            robot=robot,
+            person=operator,
+            kind="by_hand",
+            begins_at=BEGAN + timedelta(minutes=number),
+            ends_at=BEGAN + timedelta(minutes=number + 1),
+            file="a.mcap",
+            topics=recording.topics,
+        )
+        for number in range(200)
+    )
+    for person, most in ((staff, 20), (operator, 20)):
+        client = Client()
+        client.force_login(person)
+        with CaptureQueriesContext(connection) as made:
+            assert client.get("/recordings/?page=3").status_code == 200
+        assert len(made) <= most, [one["sql"][:90] for one in made]
