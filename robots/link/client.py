@@ -321,7 +321,9 @@ class BridgeLink:
             await self._ask(structs.replace(cancel, seq=number))
             return await _await_answer(answer, _TASK_TIMEOUT_S)
 
-    async def record(self, order: wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep) -> Accepted | Refused:
+    async def ask_recorder(
+        self, order: wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep
+    ) -> Accepted | Refused:
         """Begin or end a recording, or keep what was before now. Returns and raises as `request_task`."""
         self._require_capacity(self._task_requests, _MOST_TASK_REQUESTS)
         number = self._task_requests.number()

@@ -9,11 +9,11 @@ from django.utils.translation import gettext_lazy as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.base.durations import duration_text
 from robots.access.who_sees import Reader
 from robots.recordings.models import Recording
 from teleop.models import ControlSession
 from teleop.recordings.selectors import Sight, recordings_of_session, sights_of
-from teleop.reports.durations import duration_text
 
 EVENTS = {
     "stop": _("emergency stop"),

@@ -19,6 +19,7 @@ from django.views.decorators.http import require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.base import zones
+from fleet.base.durations import duration_text
 from robots.access.models import Course
 from robots.access.selectors import robots_visible_to
 from robots.access.who_sees import Reader, reader_of
@@ -28,7 +29,6 @@ from teleop.models import ControlSession
 from teleop.recordings.lines import EVENTS, Event, events_of, lines
 from teleop.recordings.listing import Filters, filtered
 from teleop.recordings.selectors import Sight, recordings_of, sessions_in, sight_of
-from teleop.reports.durations import duration_text
 
 ROWS = 25
 SPEEDS = (0.25, 0.5, 1, 2, 4, 8)  # of the replay
