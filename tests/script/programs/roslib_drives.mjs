@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { Action, ActionClient, Goal, Param, Ros, Service, TFClient, Topic } from "roslib";
 
 const [address, ...tokens] = process.argv.slice(2);
-const ANSWER_S = 15;
+const ANSWER_S = 40;
 
 function within(promise, what) {
   let timer;

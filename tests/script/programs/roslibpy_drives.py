@@ -21,7 +21,7 @@ from roslibpy.tf import TFClient
 from twisted.internet import reactor
 
 ADDRESS, OPERATOR, STAFF, OBSERVER = sys.argv[1:]
-ANSWER_S = 15.0
+ANSWER_S = 40.0
 
 
 class Inbox:
