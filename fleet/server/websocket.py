@@ -31,6 +31,7 @@ class WebSocket:
         if (socket := guard.wrappedProtocol) is not None:
             self._socket = socket
             socket.failByDrop = False  # a client reads why, such as 1009: too large
+            socket.onPing = self._on_ping
             self._queue, socket.onMessage = socket.onMessage, self._on_message
             guard.take = self._on_bytes
 
@@ -44,6 +45,11 @@ class WebSocket:
             sent_s = time.monotonic()
             socket.onPong = lambda payload: answered(time.monotonic() - sent_s) if payload == _PING else None
             socket.sendPing(_PING)
+
+    def _on_ping(self, payload: bytes) -> None:
+        """Answer a ping, unless the client does not read: else its pings would fill the memory (`READ_ON`)."""
+        if self._guard.writable.is_set():
+            self._socket.sendPong(payload)
 
     def _on_bytes(self, data: bytes) -> bool:
         """Take one small text without Autobahn's reader, which would take longer than the way to the robot's bridge."""

@@ -57,6 +57,7 @@ class InTurn:
         self._strangers = Turns(STRANGERS_AT_ONCE)
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
+        scope = {**scope, "path": f"/{scope['path'].lstrip('/')}"}  # as the router reads it
         credential = _token_in(scope["headers"]) if is_door(scope) else _credential(scope["headers"])
         right = await rights.ask(credential) if credential else None
         address = network_of(str((scope.get("client") or [""])[0]))

@@ -150,9 +150,12 @@ class FoxgloveConsumer(RobotSocket):
         match request:
             case protocol.Subscribe(subscriptions=subscriptions):
                 for one in subscriptions:
-                    await self._subscribe(one, self._catalogue)
+                    if not await self.within_budget("subscribe"):
+                        break
+                    await self._subscribe(one)
             case protocol.Unsubscribe(subscriptionIds=numbers):
-                self._unsubscribe(lambda one: one.number in numbers)
+                ends = frozenset(numbers)
+                self._unsubscribe(lambda one: one.number in ends)
             case protocol.GetParameters(parameterNames=names, id=id_):
                 await self._send_parameters_later(names, id_)
             case protocol.SetParameters(parameters=parameters, id=id_):
@@ -180,8 +183,8 @@ class FoxgloveConsumer(RobotSocket):
                 failure = {"serviceId": call.service, "callId": call.call, "message": _READ_ONLY.text}
                 await self.send_encoded(encoded("serviceCallFailure", **failure))
 
-    async def _subscribe(self, asked: protocol.Subscription, catalogue: Catalogue) -> None:
-        channel = catalogue.by_id.get(asked.channelId)
+    async def _subscribe(self, asked: protocol.Subscription) -> None:
+        channel = self._catalogue.by_id.get(asked.channelId) if self._catalogue else None
         if channel is None:  # it has just ended, and the client will hear of it
             return
         numbers = {one.number for one in self._subscriptions.values()}

@@ -57,6 +57,7 @@ _pictures = ThreadPoolExecutor(1, "rosbridge pictures")
 STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
 PING_S = 0.5
 MOST_WAITING = 100  # operations of one client
+MOST_UNREAD = 1024 * 1024  # characters of what others say, sent to a client that does not read
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
@@ -93,6 +94,7 @@ class RosbridgeConsumer(ControllingSocket):
         self._acting: asyncio.Task[None] | None = None  # on them
         self._numbers = count(1)
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
+        self._unread = 0  # characters of `MOST_UNREAD`
         self._trip_s: float | None = None  # to the client and back
         self._pinging: asyncio.Task[None] | None = None
         self._unknown: asyncio.TimerHandle | None = None  # closes a connection that nobody signs in
@@ -178,9 +180,11 @@ class RosbridgeConsumer(ControllingSocket):
             self._pinging.cancel()
         if self._acting:
             self._acting.cancel()
-        for family in self.families:
-            family.leave()
-        await super().on_close()
+        try:
+            for family in self.families:
+                family.leave()
+        finally:  # control ends whatever happens
+            await super().on_close()
 
     async def end_control(self, control: ControlHolder) -> None:
         """End it: the client's next connection has to take control itself."""
@@ -216,6 +220,8 @@ class RosbridgeConsumer(ControllingSocket):
     def _must_wait(self, operation: Operation) -> bool:
         """Return whether the operation has to wait: its answer could not be sent, or it needs the link."""
         if not self.families or not (self._is_acting or self.is_behind()):
+            return False
+        if isinstance(operation, operations.Fragment):  # perhaps of a stop
             return False
         return not (self._publishing and self._publishing.drives(operation))
 
@@ -267,6 +273,9 @@ class RosbridgeConsumer(ControllingSocket):
             raise NotDone(_NESTED)
         if self._is_stop(operation):
             self.stop_button.press(self.hub.link)
+        elif self._must_wait(operation):
+            await self._wait(operation)
+            return
         await self._act(operation)
 
     async def _set_level(self, operation: operations.SetLevel) -> None:
@@ -324,6 +333,14 @@ class RosbridgeConsumer(ControllingSocket):
 
     async def send_text(self, text: str) -> None:
         await self.send_encoded(text)
+
+    async def pass_on(self, operation: Mapping[str, Any]) -> bool:
+        text = wire.encode(operation).decode()
+        self._unread = self._unread + len(text) if self.is_behind() else 0
+        if self._unread > MOST_UNREAD:
+            return False
+        await self.send_text(text)
+        return True
 
     async def send_as(self, text: str, compression: str, fragment_size: int | None) -> None:
         if compression == "png":

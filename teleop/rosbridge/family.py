@@ -58,6 +58,9 @@ class Client(Protocol):
     async def send(self, operation: Mapping[str, Any] | bytes) -> None:
         """Send the client an operation: encoded here as JSON, or bytes that are encoded already (CBOR)."""
 
+    async def pass_on(self, operation: Mapping[str, Any]) -> bool:
+        """Send what others say. Return False, without sending it, if too much of that is unread."""
+
     async def send_text(self, text: str) -> None:
         """Send the client an operation that is encoded as JSON already."""
 
@@ -93,8 +96,11 @@ class Family:
         """Return what takes messages that the client publishes on this topic; None: not this family."""
         return None
 
-    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
-        """Send a message of the console's own. Return False if the client does not subscribe to this topic here."""
+    async def show(self, topic: str, message: Mapping[str, Any], *, by_client: bool = False) -> bool:
+        """Send a message of the console's own, or of another client: no such one under the name of a robot's topic.
+
+        Return False if the client does not subscribe to this topic here, or reads too slowly.
+        """
         return False
 
     def control_changed(self, control: Control) -> None:

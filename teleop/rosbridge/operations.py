@@ -20,7 +20,8 @@ Type = Annotated[
 ]
 Compression = Literal["none", "png", "cbor", "cbor-raw"]
 Level = Literal["info", "warning", "error", "none"]
-Number = int | float | None  # of any size: the console grants the nearest that it can
+# The console grants the nearest that it can
+Number = Annotated[int, Meta(ge=-(2**53), le=2**53)] | float | None
 Piece = Annotated[int, Meta(ge=0, le=100_000)]
 
 

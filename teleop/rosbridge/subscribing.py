@@ -172,11 +172,12 @@ class Subscribing(Family):
         finally:
             self._sending -= 1
 
-    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
+    async def show(self, topic: str, message: Mapping[str, Any], *, by_client: bool = False) -> bool:
         known = self._topics.get(topic)
-        for name in known.names if known else ():
-            await self.client.send({"op": "publish", "topic": name, "msg": message})
-        return known is not None
+        if known is None or (by_client and known.type):
+            return False
+        told = [{"op": "publish", "topic": name, "msg": message} for name in known.names]
+        return all([await self.client.pass_on(one) for one in told])
 
 
 def _require_amount(field: str, amount: Number) -> None:

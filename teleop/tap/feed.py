@@ -38,6 +38,7 @@ from robots.shared.wire import (
 log = logging.getLogger(__name__)
 
 MOST_READINGS = 200  # of one connection: topics, each in a form
+MOST_OF_PERSON = 200  # topics of a robot: so nobody alone takes all `MOST_TAPPED`
 # Bytes and messages a second; the burst is two seconds. What exceeds them waits, and newer messages replace it.
 PERSON_BYTES_PER_S, PERSON_MESSAGES_PER_S = 40e6, 2000.0
 ROBOT_BYTES_PER_S, ROBOT_MESSAGES_PER_S = 80e6, 5000.0
@@ -129,9 +130,9 @@ class TapReader:
             return Refusal("invalid", text, "wire", {"topic": topic[:100]})
         if len(self.readings) >= MOST_READINGS:
             return TOO_MANY_READINGS
-        if not self.feed.has_room(topic):
-            text = say("At most {most} topics of one robot are read at once.", most=MOST_TAPPED)
-            return Refusal("too_many_topics", text, "limits", {"limit": MOST_TAPPED})
+        if (most := self.feed.exceeded(topic, self.person)) is not None:
+            text = say("At most {most} topics of one robot are read at once.", most=most)
+            return Refusal("too_many_topics", text, "limits", {"limit": most})
         self.readings[topic, form] = reading = Reading(every_s, queue, MOST_WAITING_BYTES)
         self.feed.begin(self, topic, form, reading)
         return None
@@ -220,10 +221,15 @@ class TapFeed:
         self._task.cancel()
         self._tap.close()
 
-    def has_room(self, topic: str) -> bool:
-        """Return whether one more topic can be read, or this one is."""
+    def exceeded(self, topic: str, person: Hashable) -> int | None:
+        """Return the limit that forbids this person to read one more topic; None: none, or this one is read."""
+        own = {name for each in self._readers if each.person == person for name, _ in each.readings}
+        if topic in own:
+            return None
+        if len(own) >= MOST_OF_PERSON:
+            return MOST_OF_PERSON
         topics = {name for reader in self._readers for name, _ in reader.readings}
-        return topic in topics or len(topics) < MOST_TAPPED
+        return MOST_TAPPED if topic not in topics and len(topics) >= MOST_TAPPED else None
 
     def begin(self, reader: TapReader, topic: str, form: Form, reading: Reading) -> None:
         """Begin a reading with what is known of its topic."""

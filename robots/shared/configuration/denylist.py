@@ -33,7 +33,8 @@ _OVERRIDING = {
         "locks and emergency stops belong to the robot"
     ): "_lock locks locked unlock interlock pause brake breaker "
     "stop halt emergency closing_loop safety deadman collision",
-    say("the console’s own nodes and topics are reserved"): "fleet_bridge fleet_inspector",
+    say("the console’s own nodes and topics are reserved"): "fleet_bridge fleet_inspector "
+    "fleet_camera fleet_tap fleet_recorder fleet_watchdog fleet_check",
 }
 _CHAIN = {
     _VELOCITY: "_vel_ _vels_ velocit cmdvel basevel twist speed _drive_ steer throttle gazebo",

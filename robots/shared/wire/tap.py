@@ -15,7 +15,7 @@ from robots.shared.wire.codec import framed, unframed
 
 Form = Literal["json", "cbor", "raw"]  # the first two as rosbridge encodes `msg`; raw: the publisher’s bytes
 FORMS: tuple[Form, ...] = get_args(Form)
-MOST_TAPPED = 200  # topics of one robot through one web process
+MOST_TAPPED = 400  # topics of one robot through one web process
 MOST_QUEUED = 100  # messages of a topic
 LARGEST_BODY = 16 * 1024 * 1024  # bytes
 LARGEST_TAPPED = LARGEST_BODY + 64 * 1024  # with its header

@@ -99,7 +99,7 @@ class ClientActions:
                 "action": goal.advertised.name,
                 "values": operation.values,
             }
-            await goal.asker.client.send(message)
+            await goal.asker.client.pass_on(message)
 
     async def result(self, operation: ActionResult) -> None:
         """Pass this client's result to the one that asked. Raises NotDone."""

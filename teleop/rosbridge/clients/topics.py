@@ -64,4 +64,4 @@ class ActionTopics(Family):
         for spelt in (topic, f"/{topic.removeprefix(CLIENTS)}"):
             for one in list(self._all):
                 for family in one.client.families:
-                    await family.show(spelt, message)
+                    await family.show(spelt, message, by_client=True)

@@ -22,7 +22,8 @@ OVERRIDING = words("""
     /unlocked /unlock /interlocks /base_breaker /halt /enable_software_runstop /collision_monitor/enabled
     /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /left/setpoint /pid
     /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
-    /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers /script_command /run_script /scripts
+    /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers /fleet_tap_lab_7_1/set_logger_level
+    /fleet_recorder_lab_1/rate /fleet_camera_lab_1/rate /fleet_watchdog_lab/rate /script_command /run_script /scripts
 """)
 CHAIN = words("""
     /nav_vel /basevelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan

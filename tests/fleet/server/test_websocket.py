@@ -1,12 +1,15 @@
 """WebSockets through the real web process."""
 
+import asyncio
 import time
+from types import SimpleNamespace
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from fleet.server import limits
+from fleet.server.websocket import WebSocket
 from script.stack.stack import daphne
 from teleop.live.consumers.message_socket import CloseCode
 from tests.fleet.server.conftest import served
@@ -71,3 +74,14 @@ def test_only_messages_of_clients_have_a_largest_size(tmp_path):
             with pytest.raises(ConnectionClosed) as closed:
                 client.recv()
             assert closed.value.rcvd.code == 1009
+
+
+def test_pings_of_a_client_that_does_not_read_are_not_answered():
+    answers = []
+    protocol = SimpleNamespace(onMessage=None, sendPong=answers.append)
+    guard = SimpleNamespace(wrappedProtocol=protocol, writable=asyncio.Event())
+    WebSocket(guard, None, None)
+    protocol.onPing(b"unread")
+    guard.writable.set()
+    protocol.onPing(b"read")
+    assert answers == [b"read"]

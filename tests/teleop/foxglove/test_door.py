@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import struct
 from collections.abc import Callable
@@ -324,6 +325,24 @@ async def test_second_subscription_of_a_channel_is_refused(connect):
     for number, topic in ((2, "/scan"), (1, "/odom")):
         await client.ask("subscribe", subscriptions=[{"id": number, "channelId": channels[topic].id}])
         assert (await client.next("status"))["message"].startswith("subscribed_already: ")
+
+
+async def test_each_subscription_counts_as_a_message(connect, monkeypatch):
+    client = await connect()
+    await client.subscribe("/scan", 1)
+    number = client_catalogue().channels["/scan"].id
+    many = [{"id": 1, "channelId": number}] * 1500
+    refused, flood = [], asyncio.Event()
+
+    def note(_self, _of, refusal):
+        refused.append(refusal.code)
+        if refusal.code == "flood":
+            flood.set()
+
+    monkeypatch.setattr(consumer.FoxgloveConsumer, "_record_refusal", note)
+    await client.ask("subscribe", subscriptions=many)
+    await asyncio.wait_for(flood.wait(), 5.0)
+    assert len(refused) < 500
 
 
 async def test_simulated_time_is_that_of_all_messages(connect, behind):

@@ -41,6 +41,7 @@ RUBBISH = [
     ('{"op":"png","data":"aGVsbG8="}', "invalid"),
     ('{"op":"auth","mac":"fleet_x"}', "signed_in"),
     ('{"op":"set_level","level":"loud"}', "invalid"),
+    ('{"op":"subscribe","topic":"/a","throttle_rate":%s}' % ("9" * 400), "invalid"),
     ('{"op":"fragment","id":"f","num":-1,"total":2,"data":""}', "invalid"),
     ('{"op":"fragment","id":"f","num":0,"total":1000000000,"data":""}', "invalid"),
 ]
@@ -107,13 +108,40 @@ async def test_a_client_that_does_not_read_drives_and_stops(robot, make_token, b
     await client.send("subscribe", topic="/a", throttle_rate=-1)
     await client.send("publish", topic="/cmd_vel", msg={"linear": {"x": 0.3}})
     await bridge.hears(wire.LinkVelocity, lambda sent: sent.order.fields == {"linear": {"x": 0.3}})
-    assert (await client.call("/fleet/stop"))["result"]
+    stop = json.dumps({"op": "call_service", "service": "/fleet/stop"})
+    await fragment(client, 0, 2, stop[:20])
+    await fragment(client, 1, 2, stop[20:])
+    assert (await client.hears_op("service_response"))["result"]
     await bridge.hears(wire.LinkStop)
     await client.send("unadvertise", topic="/a")
     await client.told("busy")
     assert not client.inbox
     reads.set()
     await client.told("invalid")
+    await client.close()
+
+
+async def test_what_others_say_to_a_client_that_does_not_read_does_not_grow(
+    robot, make_token, open_client, bridge, allow, monkeypatch
+):
+    allow(Allowed("call", "/fleet/clients/count", "lab_msgs/CountAction", "", "operator"))
+    monkeypatch.setattr(consumer, "MOST_UNREAD", 300)
+    reads = asyncio.Event()
+    reads.set()
+    client = Client(robot.slug, token=await make_token("operator"))
+    client._socket.scope["extensions"] = {WRITABLE: reads}
+    await client.open()
+    await client.send("subscribe", topic="/count/feedback")
+    await client.call("/fleet/renew_control")
+    reads.clear()
+    other = await open_client("second_operator")
+    for text in ("a" * 100, "b" * 300):
+        await other.send("publish", topic="/count/feedback", msg={"feedback": text})
+    await other.call("/fleet/renew_control")
+    reads.set()
+    await other.send("publish", topic="/count/feedback", msg={"feedback": "c"})
+    heard = [(await client.hears_op("publish"))["msg"]["feedback"] for _ in range(2)]
+    assert heard == ["a" * 100, "c"]
     await client.close()
 
 

@@ -15,8 +15,9 @@ from teleop.background.database import in_database
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.models import ControlSession
 from teleop.rosbridge import consumer
+from teleop.rosbridge.subscribing import Subscribing
 from tests.teleop.rosbridge.support import Client
-from tests.teleop.support import eventually
+from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -33,6 +34,15 @@ async def test_a_cookie_does_not_sign_in(robot, browsers, websocket_headers, bri
     await client.send("advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
     await client.told("sign_in_first")
     await client.close()
+
+
+async def test_a_door_by_another_spelling_takes_no_cookie(robot, browsers, websocket_headers, bridge):
+    page = Page(websocket_headers(browsers["operator"]), "/rosbridge/")
+    page._socket.scope["path"] = f"//rosbridge/{robot.slug}"
+    await page.open()
+    await page.say_raw('{"op":"call_service","service":"/fleet/take_control"}')
+    assert (await page._message())["msg"].startswith("sign_in_first: ")
+    await page.close()
 
 
 async def test_auth_signs_in(open_client, make_token):
@@ -152,6 +162,18 @@ async def test_control_ends_with_the_connection(driver, open_client, bridge):
     await bridge.hears(wire.Revoke, lambda revoke: revoke.fence == fence)
     await eventually(ControlSession.objects.filter(ended_at__isnull=False, end_reason="released").first)
     await (await open_client("second_operator")).take()
+
+
+async def test_control_ends_even_if_something_else_does_not(robot, make_token, bridge, monkeypatch):
+    def fails(_self):
+        raise OSError
+
+    monkeypatch.setattr(Subscribing, "leave", fails)
+    client = await Client(robot.slug, token=await make_token("operator")).open()
+    await client.take()
+    with pytest.raises(OSError):
+        await client.close()
+    await bridge.hears(wire.Revoke)
 
 
 async def test_control_that_is_taken_away_is_told(driver, bridge, open_page):

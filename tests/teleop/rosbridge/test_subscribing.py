@@ -12,6 +12,7 @@ from PIL import Image
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from robots.bridge.tap.arrivals import Kind
+from robots.shared.configuration.bridge_config import Allowed
 from tests.teleop.support import eventually
 from tests.teleop.tap.support import FakeTap
 
@@ -177,3 +178,17 @@ async def test_topics_of_the_console_are_limited_too(open_client, bridge, monkey
     await client.send("subscribe", topic="/fleet/status")
     await client.send("subscribe", topic="/fleet/more")
     assert (await client.told("too_many_topics"))["level"] == "error"
+
+
+async def test_no_client_speaks_under_the_name_of_a_robots_topic(open_client, subscribe, tap, bridge, allow):
+    allow(Allowed("call", "/fleet/clients/words", "lab_msgs/WordsAction", "", "operator"))
+    topic = "/words/feedback"
+    client = await subscribe(topic=topic)
+    await client.send("subscribe", topic=f"/fleet/clients{topic}")
+    tap.publish(topic, {"data": "robot"})
+    assert (await client.hears_op("publish"))["topic"] == topic
+    other = await open_client("second_operator")
+    await other.send("publish", topic=topic, msg={"feedback": "false"})
+    assert (await client.hears_op("publish"))["topic"] == f"/fleet/clients{topic}"
+    tap.publish(topic, {"data": "robot"})
+    assert (await client.hears_op("publish"))["msg"] == {"data": "robot"}

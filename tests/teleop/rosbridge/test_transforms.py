@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import msgspec
 import pytest
@@ -144,3 +145,16 @@ async def test_requests_for_transforms_are_limited(open_client, bridge, monkeypa
     assert (await client.call("/republish_tfs"))["result"]
     assert (await client.call("/republish_tfs"))["values"].startswith("busy: ")
     assert not bridge.all(wire.LinkQuery)
+
+
+async def test_frames_found_for_one_client_are_limited(open_client, bridge, robot_tf, monkeypatch):
+    monkeypatch.setattr(republisher, "FRAMES_PER_S", 0.01)
+    begun = []
+    begin = Transforms._begin
+    monkeypatch.setattr(Transforms, "_begin", lambda self, *given: (begin(self, *given), begun.append(self)))
+    client = await open_client("operator")
+    topic = (await client.call("/republish_tfs", **WANTED))["values"]["topic_name"]
+    await client.send("subscribe", topic=topic)
+    (asked,) = begun[0]._asked.values()
+    await client.call("/fleet/renew_control")  # meanwhile it was looked at once
+    assert asked.due_s - time.monotonic() > 50.0  # not a fiftieth of a second

@@ -160,6 +160,15 @@ async def test_too_many_topics_are_refused(open_reader, tap):
     await tap.until(lambda wanted: len(wanted) == feed.MOST_READINGS)
 
 
+async def test_one_person_alone_does_not_take_all_topics(open_reader, monkeypatch):
+    monkeypatch.setattr(feed, "MOST_OF_PERSON", 2)
+    await open_reader("/a", person="ana")
+    second = await open_reader("/b", person="ana")
+    assert second.tap.read("/c", "json").figures == {"limit": 2}
+    assert second.tap.read("/a", "json") is None
+    await open_reader("/c", person="ben")
+
+
 async def test_one_persons_messages_have_a_limit(open_reader, tap, monkeypatch):
     monkeypatch.setattr(feed, "PERSON_MESSAGES_PER_S", 2.0)  # so that the burst is four
     monkeypatch.setattr("robots.shared.link.newest_wins.PATIENCE_S", 0.0)
