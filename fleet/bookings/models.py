@@ -90,6 +90,9 @@ class Booking(models.Model):
     turn_min = models.PositiveSmallIntegerField(_("minutes per turn"), null=True, blank=True)
     # The tasks that it leaves to its members (`robots.shared.wire.LessonTasks`); None: everything
     tasks = models.JSONField(null=True, blank=True)
+    record = models.BooleanField(_("record it"), null=True)  # wish: what the robot senses in it is recorded
+    # Housekeeping has begun its recording, which ends then (`teleop.recordings.of_bookings`)
+    recorded_until = models.DateTimeField(null=True, blank=True, editable=False)
     line_held = models.BooleanField(null=True)  # the teacher holds the line: nobody is called
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
     overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason

@@ -9,6 +9,7 @@ from functools import cache, partial
 from typing import Protocol
 from uuid import UUID
 
+from django.conf import settings
 from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext_lazy, gettext_noop
 from msgspec import Struct, structs
@@ -134,6 +135,13 @@ def held_slot(booking: Times, grace: timedelta, now: datetime) -> Slot:
     if booking.used_at is None and now >= booking.starts_at + grace:
         ends = min(ends, booking.starts_at + grace)
     return Slot(booking.starts_at, ends)
+
+
+def is_recorded(booking: Booking) -> bool:
+    """Return whether the robot's topics are recorded in it: a rule of the lab, its person's wish, or its course's."""
+    if settings.FLEET_RECORD_EVERY_BOOKING or booking.record:
+        return True
+    return booking.shared == Shared.COURSE and booking.course is not None and booking.course.record_lessons
 
 
 def policy_of(robot: Robot) -> Policy:

@@ -261,6 +261,7 @@ def booking_make(
     team: Sequence[User] = (),
     asked: Sequence[User] = (),
     turn_min: int | None = None,
+    record_it: bool = False,
     facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
     """Book a slot for a person. Raises `BookingRefused`.
@@ -271,6 +272,7 @@ def booking_make(
     count for the quotas of bookings.
     `team`: other people who share the slot; those `asked` do when they accept. It counts for `person` alone.
     `turn_min`: who shares the slot takes turns of so many minutes; None: each takes the robot when it is free.
+    `record_it`: what the robot senses in the slot is recorded.
     `course`: the course for which the slot counts, if several courses let the person drive the robot.
     `facts`: reads the robot's facts for the check before the lock (`shared_facts.in_turn`).
     """
@@ -309,6 +311,7 @@ def booking_make(
             course=lesson_of or course,
             shared=Shared.COURSE if lesson_of else Shared.PEOPLE if team else Shared.NO,
             turn_min=turn_min,
+            record=record_it or None,
             made_at=now,
             overridden=bool(override) or None,
         )
@@ -508,6 +511,7 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
         shared=booking.shared,
         turn_min=booking.turn_min,
         tasks=booking.tasks,
+        record=booking.record,
         made_at=now,
     )
     booking.held_until = now
@@ -835,12 +839,14 @@ def _body(
     text: str = "",
     outcome: str = "",
 ) -> RecordBody:
-    known = {
+    known: dict[str, Any] = {
         "booking": str(booking.pk),
         "person": str(booking.person_id),
         "from": booking.starts_at.isoformat(),
         "to": booking.ends_at.isoformat(),
     }
+    if booking.record:
+        known["record"] = True
     told = {"person_name": booking.person.display_name} | (private or {})
     if booking.purpose:
         told["purpose"] = booking.purpose

@@ -114,6 +114,7 @@ class Course(models.Model):
         default="nobody",
         db_default="nobody",
     )
+    record_lessons = models.BooleanField(_("record every lesson"), default=False, db_default=False)
     supervisors = models.ManyToManyField(
         settings.AUTH_USER_MODEL,
         blank=True,

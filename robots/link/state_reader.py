@@ -1,4 +1,4 @@
-"""Reads a robot's state, for code without an event loop: REST, metrics, housekeeping.
+"""Reads a robot's state and sends orders, for code without an event loop: REST, metrics, housekeeping.
 
 A connection is kept open for the next question, because opening one takes ten times as long. The bridge sends only
 answers on it, because the bridge reports by itself only after a hello.
@@ -45,12 +45,19 @@ class _Connection:
     def ask(self, end_s: float) -> State:
         """Get the state. After an error the caller must close the connection, so that no late answer is read later."""
         self._socket.send(wire.encode(wire.LinkState()), text=True)
+        return next(report.state for report in self._reports(end_s) if isinstance(report, wire.Status))
+
+    def order(self, order: wire.LinkRecord | wire.LinkRecordEnd, end_s: float) -> None:
+        """Have it carried out. Raises LinkRefused."""
+        self._socket.send(wire.encode(order), text=True)
+        next(report for report in self._reports(end_s) if isinstance(report, wire.Accepted))
+
+    def _reports(self, end_s: float) -> Iterator[wire.LinkReport]:
         while True:
             report = wire.link_report(self._socket.recv(timeout=max(end_s - time.monotonic(), 0.0)))
-            if isinstance(report, wire.Status):
-                return report.state
             if isinstance(report, Refused):
                 raise LinkRefused(report.refusal)
+            yield report
 
 
 _kept: defaultdict[UUID, list[_Connection]] = defaultdict(list)
@@ -72,6 +79,15 @@ def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | 
     end_s = time.monotonic() + ANSWER_S
     with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:
         return connection.figures, connection.ask(end_s)
+
+
+def order_once(
+    robot_id: UUID, address: LinkAddress, order: wire.LinkRecord | wire.LinkRecordEnd, within_s: float
+) -> None:
+    """Have a request carried out, by a new connection. Raises LinkRefused, also without an answer in this time."""
+    end_s = time.monotonic() + within_s
+    with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:
+        connection.order(order, end_s)
 
 
 def _taken(kept: list[_Connection], address: LinkAddress) -> _Connection | None:

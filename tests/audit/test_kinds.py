@@ -54,6 +54,7 @@ INDIRECT = {
     ("teleop/push/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
     ("teleop/live/recording_sender.py", "begun.kind"): set(),
+    ("teleop/recordings/of_bookings.py", "begun.kind"): set(),
     ("robots/bridge/link_handler.py", "message"): set(),  # begins a recording of the robot's topics
 }
 

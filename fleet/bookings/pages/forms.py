@@ -374,6 +374,7 @@ class SlotForm(forms.Form):
     turn_min = forms.IntegerField(
         label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False
     )
+    record = forms.BooleanField(label=_("Record what the robot senses in it"), required=False)
     SHARING = ("lesson_of", "team", "turn_min")
 
     def __init__(

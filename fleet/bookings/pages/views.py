@@ -43,6 +43,7 @@ from fleet.bookings.selectors import (
     bookings_of,
     grace_of,
     held_between,
+    is_recorded,
     policies_of,
     stage_of,
 )
@@ -151,6 +152,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
             lesson_of=form.cleaned_data.get("lesson_of"),
             team=services.team_named(form.usernames, robot, form.slot.starts_at),
             turn_min=form.cleaned_data["turn_min"],
+            record_it=form.cleaned_data["record"],
             override=form.cleaned_data.get("override", ""),
             now=timezone.now(),
             facts=facts,
@@ -325,6 +327,7 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
         "sessions": _sessions_of(found, person),
+        "recorded": is_recorded(found),
         "opens": robots_visible_to(person).filter(pk=found.robot_id).exists(),
         "in_line": leads(person, found) or shares(found, person),
         "team": teams_of([found]).get(found.pk, []) if row["person"] else [],

@@ -224,7 +224,8 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
 
     class Meta:
         model = Course
-        fields = ["name", "robots", "groups", "role", "starts_on", "ends_on", "at_once", "lessons_count"]
+        fields = ["name", "robots", "groups", "role", "starts_on", "ends_on", "at_once"]
+        fields += ["lessons_count", "record_lessons"]
         widgets = {
             "name": forms.TextInput(attrs={"autocomplete": "off"}),
             "robots": _CHOICES,

@@ -30,7 +30,7 @@ from fleet.bookings.lessons.members import shared_with, teams_of
 from fleet.bookings.models import Booking, HandOffer, Waiting
 from fleet.bookings.permissions import bookings_managed_by, shows_person
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import OPEN, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import OPEN, grace_of, is_recorded, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
 from robots.access.models import Course
@@ -79,6 +79,7 @@ class BookingEntry(Struct, frozen=True):
     shared_with_you: bool
     team: list[str]  # names; of bookings that you share or manage
     turn_min: int | None  # length of a turn; null: no turns
+    record: bool  # what the robot senses in it is recorded, by wish, for its course or as a rule of the lab
 
 
 class BookingList(Struct, frozen=True):
@@ -177,7 +178,7 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     `course`: the one for which it counts; without it, the first whose quotas allow it. `lesson_of`: a course that you
     manage, whose people share the slot. `team`: user names of up to three people who share it; they are
     asked first, except those for whom you may book. `turn_min`: they take
-    turns of so many minutes.
+    turns of so many minutes. `record`: what the robot senses in the slot is recorded, from the first control on.
     """
 
     robot: Slug
@@ -190,6 +191,7 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     lesson_of: Slug | None = None
     team: Annotated[list[Username], Meta(max_length=20)] = []
     turn_min: Annotated[int, Meta(ge=1, le=240)] | None = None
+    record: bool = False
 
 
 class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -290,6 +292,7 @@ class BookingsBase(ApiView):
                     shared_with_you=booking.pk in shared,
                     team=teams.get(booking.pk, []) if knows or booking.pk in shared else [],
                     shared=booking.shared,
+                    record=is_recorded(booking),
                 )
             )
         return entries
@@ -375,6 +378,7 @@ class BookingsView(BookingsBase):
                 lesson_of=lesson_of,
                 team=services.team_named(body.team, robot, slot.starts_at),
                 turn_min=body.turn_min,
+                record_it=body.record,
                 now=now,
                 facts=facts,
             )

@@ -80,6 +80,7 @@ class CourseDetail(CourseEntry, frozen=True):
     supervisors: list[str]  # names
     quotas: Quotas
     lessons_count: LessonsCount  # whose quotas lessons use
+    record_lessons: bool  # what the robots sense in its lessons is recorded
     qualifications: list[QualificationEntry]
 
 
@@ -172,6 +173,7 @@ class CourseRequest(Struct, frozen=True, forbid_unknown_fields=True):
     supervisors: Names = []
     quotas: QuotasRequest = QuotasRequest()
     lessons_count: LessonsCount = "nobody"  # or the minutes that each person drove
+    record_lessons: bool = False
 
 
 class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -186,6 +188,7 @@ class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     supervisors: Names | UnsetType = UNSET
     quotas: QuotasRequest | UnsetType = UNSET
     lessons_count: LessonsCount | UnsetType = UNSET
+    record_lessons: bool | UnsetType = UNSET
     archived: bool | UnsetType = UNSET
 
 
@@ -267,7 +270,8 @@ class CoursesBase(SetupView):
         if not lists["robots"] and not lists["groups"]:
             raise Problem(_NO_ROBOT)
         plain = {
-            name: getattr(body, name) for name in ("name", "starts_on", "ends_on", "role", "lessons_count")
+            name: getattr(body, name)
+            for name in ("name", "starts_on", "ends_on", "role", "lessons_count", "record_lessons")
         }
         quotas = structs.asdict(body.quotas) if isinstance(body.quotas, QuotasRequest) else {}
         for name, value in (plain | quotas).items():

@@ -43,6 +43,7 @@ from teleop.control.selectors import held_leases
 from teleop.control.turns import turns_settle_all
 from teleop.push.worker import PushWorker
 from teleop.recordings import downloads
+from teleop.recordings.of_bookings import BookingRecorder
 from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
@@ -95,6 +96,8 @@ class Command(BaseCommand):
         posted: Future[int] | None = None
         looked_s, noted_s, clock = float("-inf"), float("-inf"), ClockWatch()
         erased: Future[None] | None = None
+        recorder, recorded = ThreadPoolExecutor(max_workers=1), BookingRecorder()
+        recording: Future[None] | None = None
         while not over.wait(EVERY_S):
             try:
                 end_lapsed(database)
@@ -117,6 +120,8 @@ class Command(BaseCommand):
                     posted = post.submit(_send_notifications)
                 if erased is None or erased.done():
                     erased = eraser.submit(_erase)
+                if recording is None or recording.done():
+                    recording = recorder.submit(_record_bookings, recorded)
                 webhooks.step()
                 pushes.step()
             except (DatabaseError, AuditUnavailable, BookingRefused) as error:
@@ -138,6 +143,16 @@ def _erase_all() -> None:
             pass
     except (DatabaseError, AuditUnavailable) as error:
         log.error("People are not erased now: %s", error)
+
+
+def _record_bookings(recorder: BookingRecorder) -> None:
+    """Begin and end recordings of bookings in a separate thread: a bridge may not answer."""
+    try:
+        recorder.step(timezone.now())
+    except (DatabaseError, AuditUnavailable) as error:
+        log.error("Bookings are not recorded now: %s", error)
+    finally:
+        close_old_connections()
 
 
 def _send_notifications() -> int:

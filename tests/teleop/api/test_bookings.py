@@ -87,6 +87,7 @@ def test_a_program_books_moves_and_cancels(robot, operator, program):
         "shared_with_you": False,
         "team": [],
         "turn_min": None,
+        "record": False,
     }
     moved = api("PATCH", address, {"ends_at": words(hour(3))}, If_Match='"1"')
     assert (moved.status_code, moved["ETag"], moved.data["ends_at"]) == (200, '"2"', words(hour(3)))

@@ -70,6 +70,7 @@ def test_a_supervisor_lists_and_reads_own_courses(hri, arms, induction, second_o
         "supervisors": ["Olaf Operator"],
         "quotas": {"day_min": None, "week_min": 120, "at_once": None, "course_week_min": None},
         "lessons_count": "nobody",
+        "record_lessons": False,
         "qualifications": [{"slug": "induction", "name": "Safety induction"}],
     }
     assert {one["slug"] for one in program(staff)("GET", "/courses").data["courses"]} == {"hri", "arms"}
