@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 from sensor_msgs.msg import CompressedImage, LaserScan
-from std_msgs.msg import Int64, String
+from std_msgs.msg import Bool, Int64, String
 
 from robots.bridge.recorder.recorder_messages import (
     COMMAND,
@@ -114,6 +114,14 @@ def test_the_black_box_keeps_what_was_before_an_event(recorder, publish) -> None
     found = messages_of(recorder.directory / taken.name)
     assert found.keys() == {"/scan_raw", COMMAND} and len(found["/scan_raw"]) >= 8
     assert taken.begins < taken.events[0].at < taken.ends
+
+
+def test_a_bumper_that_is_pressed_is_an_event(recorder, publish) -> None:
+    bumper = publish("/bumper_front", Bool(False))
+    recorder.say(InControl("person-1", "session-1"))
+    until(lambda: recorder.progress.black_box and recorder.progress.black_box.seconds, "the bumper")
+    bumper.publish(Bool(True))
+    until(lambda: recorder.progress.black_box.keeps == "contact", "the contact")
 
 
 def test_a_lost_master_is_a_fault_that_is_kept(make_master, tmp_path: Path) -> None:
