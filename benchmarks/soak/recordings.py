@@ -17,7 +17,7 @@ from benchmarks.driving.recording import linked, recorders
 from benchmarks.driving.stop import bridges, scene_on
 from benchmarks.harness import progress
 from benchmarks.parts import process_stats
-from robots.bridge.recorder.directory import FILE, PART
+from robots.bridge.recorder.files.directory import FILE, PART
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 PARTS = ("web", "bridge", "supervisor", "records", "recorder", "recorder")

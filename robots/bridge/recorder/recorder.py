@@ -16,10 +16,10 @@ from uuid import UUID, uuid4
 import msgspec
 from msgspec import Struct, structs
 
-from robots.bridge.recorder import finished_files
 from robots.bridge.recorder.clock import RecordingClock
 from robots.bridge.recorder.contacts import Contacts, reports_contact
-from robots.bridge.recorder.directory import RecordingDirectory
+from robots.bridge.recorder.files import finished_files
+from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.bridge.recorder.recorder_messages import (
     Begin,
     Begun,

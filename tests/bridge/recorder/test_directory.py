@@ -9,7 +9,7 @@ from uuid import UUID, uuid4
 
 import pytest
 
-from robots.bridge.recorder.directory import FILE, NoRoom, RecordingDirectory, refusal_of
+from robots.bridge.recorder.files.directory import FILE, NoRoom, RecordingDirectory, refusal_of
 from robots.shared.wire import RecordingKind
 
 KILO = 1000

@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 from uuid import UUID, uuid4
 
-from robots.bridge.recorder.file_changes import EVERY_S, FIRST_S, FileChanges
+from robots.bridge.recorder.files.file_changes import EVERY_S, FIRST_S, FileChanges
 from robots.shared.configuration.bridge_config import RecordingPlace
 
 

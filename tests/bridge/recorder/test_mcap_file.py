@@ -9,8 +9,8 @@ from typing import BinaryIO
 import pytest
 from mcap.reader import SeekingReader, make_reader
 
-from robots.bridge.recorder import mcap_file, recovery
-from robots.bridge.recorder.mcap_file import McapFile
+from robots.bridge.recorder.files import mcap_file, recovery
+from robots.bridge.recorder.files.mcap_file import McapFile
 
 SECOND = 10**9
 

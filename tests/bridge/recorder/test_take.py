@@ -15,9 +15,10 @@ from uuid import uuid4
 import pytest
 from mcap.reader import make_reader
 
-from robots.bridge.recorder import finished_files, take
+from robots.bridge.recorder import take
 from robots.bridge.recorder.clock import RecordingClock
-from robots.bridge.recorder.directory import RecordingDirectory
+from robots.bridge.recorder.files import finished_files
+from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.bridge.recorder.ring import Message, Origin
 from robots.bridge.recorder.take import Take
 from robots.shared.records.record_sink import TakenRecording

@@ -14,7 +14,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, MessageIndex, Metadata, MetadataIndex, Schema
 
-from robots.bridge.recorder.mcap_file import CHUNK_BYTES, MAGIC, FileSummary, taken_from
+from robots.bridge.recorder.files.mcap_file import CHUNK_BYTES, MAGIC, FileSummary, taken_from
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")

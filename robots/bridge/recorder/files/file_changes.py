@@ -12,7 +12,7 @@ from pathlib import Path
 from uuid import UUID
 
 from robots.bridge.audit.records import Records
-from robots.bridge.recorder.directory import RecordingDirectory
+from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.records.record_sink import FileChange
 

@@ -13,11 +13,11 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from msgspec import structs
 
-from robots.bridge.recorder import recovery
-from robots.bridge.recorder.directory import FILE, NEW, PICTURE, Draft, RecordingDirectory
+from robots.bridge.recorder.files import recovery
+from robots.bridge.recorder.files.directory import FILE, NEW, PICTURE, Draft, RecordingDirectory
+from robots.bridge.recorder.files.thumbnail import thumbnail_of
 from robots.bridge.recorder.ring import Message, Origin, is_picture
 from robots.bridge.recorder.take import ABOUT, DROPPED
-from robots.bridge.recorder.thumbnail import thumbnail_of
 from robots.shared import wire
 from robots.shared.records.record_sink import RecordedTopic, TakenRecording
 
