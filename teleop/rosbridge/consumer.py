@@ -209,7 +209,10 @@ class RosbridgeConsumer(ControllingSocket):
                 await self.refuse(of, error.refusal, id_)
             return
         if self._is_stop(operation):  # counts for the flood limit, but is never refused
-            self.stop_button.press(self.hub.link, flood=not self.spend())
+            flood = not self.spend()
+            self.stop_button.press(self.hub.link, flood=flood)
+            if flood and self.is_behind():
+                return  # the answers of a flood would fill the memory
         elif not await self.within_budget(wire.kind_of(operation)):
             return
         elif self._must_wait(operation):

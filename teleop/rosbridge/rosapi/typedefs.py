@@ -9,8 +9,9 @@ from typing import Any
 from robots.shared.messages.fields import FLOATS, INTEGERS, STAMPS
 from robots.shared.wire import Described, Field
 
-_EMBEDDED = re.compile(r"^MSG:[ \t]*(\S+/\S+)[ \t]*$", re.MULTILINE)
-_CONSTANT = re.compile(r"^[ \t]*([a-z0-9]+)[ \t]+([A-Za-z]\w*)[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE)
+# A publisher may send any text: each takes time in proportion to it
+_EMBEDDED = re.compile(r"^MSG:[ \t]*([^\s/]+/[^\s/]+)[ \t]*$", re.MULTILINE)
+_CONSTANT = re.compile(r"^[ \t]*([a-z0-9]+)[ \t]+([A-Za-z]\w*)[ \t]*=(.*)$", re.MULTILINE)
 _TYPEDEF_OF_TIME = {"fieldnames": ["secs", "nsecs"], "fieldtypes": ["int32", "int32"], "examples": ["0", "0"]}
 
 
@@ -66,4 +67,4 @@ def _example(field: Field) -> str:
 
 def _value(kind: str, text: str) -> str:
     """Return a constant's value: after a number may follow a comment, which in a text is part of the value."""
-    return text if kind == "string" else text.split("#")[0].strip()
+    return (text if kind == "string" else text.split("#")[0]).strip()

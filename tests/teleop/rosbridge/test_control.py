@@ -10,6 +10,7 @@ from django.utils import timezone
 from fleet.accounts.tokens.models import Scope, Ticket, Token
 from fleet.accounts.tokens.tickets import ticket_make
 from fleet.audit.models import Record
+from fleet.server import WRITABLE
 from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.consumers.message_socket import CloseCode
@@ -221,3 +222,20 @@ async def test_a_stop_is_sent_above_the_limit_of_operations(driver, bridge, monk
     monkeypatch.setattr("teleop.live.consumers.message_socket.TokenBucket.spend", lambda *_: False)
     await driver.send("call_service", service="/fleet/stop")
     await asyncio.wait_for(bridge.hears(wire.LinkStop), 5.0)
+
+
+async def test_a_flood_of_stops_is_not_answered_to_who_does_not_read(robot, make_token, bridge, monkeypatch):
+    client = Client(robot.slug, token=await make_token("operator"))
+    reads = client._socket.scope["extensions"] = {WRITABLE: asyncio.Event()}
+    reads[WRITABLE].set()
+    await client.open()
+    await client.call("/fleet/renew_control")
+    with monkeypatch.context() as flooded:
+        flooded.setattr(consumer.RosbridgeConsumer, "spend", lambda _: False)
+        reads[WRITABLE].clear()
+        await client.send("call_service", service="/fleet/stop")
+        await bridge.hears(wire.LinkStop)
+    reads[WRITABLE].set()
+    await client.call("/fleet/renew_control")
+    assert not [one for one in client.inbox if one.get("service") == "/fleet/stop"]
+    await client.close()

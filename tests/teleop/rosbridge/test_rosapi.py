@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import time
 from typing import Any
 
 import pytest
 
 from robots.shared import wire
-from robots.shared.wire import Field, NotDone, Refusal, Refused
+from robots.shared.wire import Described, Field, NotDone, Refusal, Refused
 from teleop.rosbridge.rosapi.answers import SERVICES, Rosapi
+from teleop.rosbridge.rosapi.typedefs import typedefs
 
 GRAPH = wire.Graph(
     [
@@ -226,3 +228,12 @@ async def test_a_failed_list_is_asked_again(ask, robot):
 
 def test_each_service_has_a_type():
     assert len(SERVICES) == 25
+
+
+def test_a_text_that_a_publisher_made_for_it_takes_no_time():
+    slow = f"int8 SLOW={' ' * 60_000}x\nMSG:{'/' * 60_000} x"
+    began_s = time.monotonic()
+    (found,) = typedefs(Described("a/B", "", [], f"int8 ONE =  1 # one\nstring WORD = a # b \n{slow}"))
+    assert time.monotonic() - began_s < 1.0
+    assert found["constnames"] == ["ONE", "WORD", "SLOW"]
+    assert found["constvalues"][:2] == ["1", "a # b"]
