@@ -63,7 +63,10 @@ class ControlSession(models.Model):
         ordering = ["-started_at"]
         verbose_name = _("control session")
         verbose_name_plural = _("control sessions")
-        indexes = [models.Index(fields=["started_at"], name="session_start")]
+        indexes = [
+            models.Index(fields=["started_at"], name="session_start"),
+            models.Index(fields=["robot", "started_at"], name="session_start_by_robot"),
+        ]
         constraints = [
             models.UniqueConstraint(fields=["robot", "fence"], name="one_session_per_fence"),
             models.UniqueConstraint(

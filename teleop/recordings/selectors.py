@@ -12,8 +12,7 @@ from datetime import datetime
 from typing import NamedTuple
 from uuid import UUID
 
-from django.db.models import Exists, F, OuterRef, Q, QuerySet
-from django.db.models.functions import Coalesce, Now
+from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
 from django.utils import timezone
 
 from fleet.accounts.models import ERASED, User
@@ -54,14 +53,13 @@ def recordings_of(user: User, reader: Reader | None = None) -> QuerySet[Recordin
     if reader.robots is None:
         return there
     managed = Course.objects.filter(pk__in=reader.courses)
-    own = ControlSession.objects.filter(user=user)
     return there.filter(
         Q(person=user)
         | Q(robot__in=reader.robots)
         | Q(course__in=managed.values("slug"))
         | Q(booking__in=Booking.objects.filter(course__in=reader.courses).values("pk"))
         | Q(pk__in=_shared_with(user).values("recording"))
-        | Exists(_within(own))
+        | _shows(user)
     )
 
 
@@ -122,8 +120,7 @@ def own_parts(user: User, recordings: Sequence[Recording]) -> list[list[Part]]:
 
 def recordings_about(user: User) -> QuerySet[Recording]:
     """Return the recordings that a person owns, or that show a session of theirs, the newest first."""
-    own = ControlSession.objects.filter(user=user)
-    return Recording.objects.exclude(place=Place.GONE).filter(Q(person=user) | Exists(_within(own)))
+    return Recording.objects.exclude(place=Place.GONE).filter(Q(person=user) | _shows(user))
 
 
 def sessions_in(recording: Recording) -> list[ControlSession]:
@@ -182,12 +179,27 @@ def _shared_with(user: User) -> QuerySet[RecordingShare]:
     return RecordingShare.objects.filter(Q(person=user) | Q(course__in=enrolled))
 
 
-def _within(sessions: QuerySet[ControlSession]) -> QuerySet[ControlSession]:
-    return (
-        sessions.filter(robot=OuterRef("robot"), started_at__lt=OuterRef("ends_at"))
-        .alias(over=Coalesce(F("ended_at"), Now()))
-        .filter(over__gt=OuterRef("begins_at"))
+def _shows(user: User) -> Q:
+    """Return the condition that a recording shows a session of this person.
+
+    One began in it, or had begun before: then it is the last one, because a robot has one at a time. The index finds
+    both at once; a comparison of times alone would read all sessions of the robot for each recording.
+    """
+    earlier = ControlSession.objects.filter(
+        robot=OuterRef(OuterRef("robot")), started_at__lt=OuterRef(OuterRef("begins_at"))
     )
+    last = ControlSession.objects.filter(
+        Q(ended_at=None) | Q(ended_at__gt=OuterRef("begins_at")),
+        pk=Subquery(earlier.order_by("-started_at").values("pk")[:1]),
+        user=user,
+    )
+    begun = ControlSession.objects.filter(
+        robot=OuterRef("robot"),
+        started_at__gte=OuterRef("begins_at"),
+        started_at__lt=OuterRef("ends_at"),
+        user=user,
+    )
+    return Q(Exists(begun)) | Q(Exists(last))
 
 
 def _clipped(session: ControlSession, recording: Recording) -> Part:

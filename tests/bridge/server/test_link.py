@@ -22,7 +22,7 @@ from robots.bridge.link_handler import OTHER_ROBOT
 from robots.bridge.server.link_server import LinkServer
 from robots.link.client import BridgeLink, LinkRefused, Links
 from robots.link.connections import _headers
-from robots.link.state_reader import state_once
+from robots.link.state_reader import order_once, state_once
 from robots.link.stop_delivery import reach, stop_message, wait_for
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
@@ -56,6 +56,7 @@ class Bridge:
         self.lost = asyncio.Event()
         self.silent = False
         self.greets = True
+        self.full = False  # its disk
 
     def opened(self, link):
         link.report(self.bench.core.hello())
@@ -80,6 +81,11 @@ class Bridge:
                 link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
             case wire.LinkState():
                 link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
+            case wire.LinkRecord() if self.full:
+                full = wire.Refusal("disk_full", "The disk is full.", "limits")
+                link.report(wire.Refused("link_record", full, message.seq))
+            case wire.LinkRecord():
+                link.report(wire.Accepted("link_record", message.seq))
             case wire.LinkStop(robot=robot) if robot not in (None, ROBOT):
                 link.report(wire.Refused("link_stop", OTHER_ROBOT, message.seq))
             case wire.LinkStop():
@@ -505,6 +511,17 @@ class TestWhoseBridge:
             await asyncio.to_thread(state_once, ROBOT, address)
             links |= bridge.server.links
         assert len(links) == 1
+
+    async def test_housekeeping_begins_a_recording_without_a_loop_of_its_own(self, bridge, address):
+        order = wire.LinkRecord(uuid.uuid4(), 60.0, "all", "Ann", "person-1", kind="booking")
+        await asyncio.to_thread(order_once, ROBOT, address, order, 5.0)
+        bridge.full = True
+        with pytest.raises(LinkRefused) as refused:
+            await asyncio.to_thread(order_once, ROBOT, address, order, 5.0)
+        assert refused.value.refusal.code == "disk_full"
+        bridge.silent = True
+        with pytest.raises(LinkRefused):
+            await asyncio.to_thread(order_once, ROBOT, address, order, 0.1)
 
     async def test_the_state_is_read_again_after_the_bridge_was_restarted(self, bridge, address):
         await asyncio.to_thread(state_once, ROBOT, address)
