@@ -38,6 +38,7 @@ COMMAND_LASTS_NS = 500_000_000  # a stick position is shown with the views of th
 LONGEST_S = 30.0  # of views in one answer
 MOST_BYTES = 4 * 1024 * 1024  # of views in one answer
 MOST_POINTS = 2000  # of a series
+MILLISECOND = timedelta(milliseconds=1)
 MOST_READ = 400_000  # messages that are counted for a series
 
 _NOT_YOURS = Refusal(
@@ -104,10 +105,14 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
     until_s = min(until_s, from_s + LONGEST_S, _since(sight, part.ends_at))
     pieces: list[bytes] = []
     size = 0
+    begin_ns, end_ns = _window(sight, part, from_s, until_s)
     command, commanded_ns = b"null", 0
-    for recorded in contents.messages([VIEW, COMMAND], _ns(sight, from_s), _ns(sight, until_s) + 1):
+    before_ns = max(begin_ns - COMMAND_LASTS_NS, _ns_of(part.begins_at))
+    for recorded in contents.messages([VIEW, COMMAND], before_ns, end_ns):
         if recorded.channel.topic == COMMAND:
             command, commanded_ns = recorded.message.data, recorded.message.log_time
+            continue
+        if recorded.message.log_time < begin_ns:
             continue
         if recorded.message.log_time > commanded_ns + COMMAND_LASTS_NS:
             command = b"null"
@@ -123,7 +128,7 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
 def picture(sight: Sight, contents: Contents, topic: str, at_s: float) -> tuple[float, Any]:
     """Return time and message of the last picture until a moment, as the robot sent it. Raises `NotDone`."""
     part = _part(sight, at_s)
-    found = contents.newest(topic, _ns(sight, at_s))
+    found = contents.newest(topic, min(_ns(sight, at_s), _ns_of(part.ends_at)))
     if found is None or found.message.log_time < _ns_of(part.begins_at):
         raise NotDone(_NO_TOPIC)
     try:
@@ -140,7 +145,7 @@ def series(
     """Return at most `MOST_POINTS` numbers of a field, evenly chosen. Raises `NotDone`."""
     part = _part(sight, from_s)
     until_s = min(until_s, _since(sight, part.ends_at))
-    window = (_ns(sight, from_s), _ns(sight, until_s) + 1)
+    window = _window(sight, part, from_s, until_s)
     count = sum(1 for _ in islice(contents.messages([topic], *window), MOST_READ))
     step = max(1, -(-count // MOST_POINTS))
     points = RecordedSeries([], [])
@@ -163,11 +168,18 @@ def windows_ns(sight: Sight) -> Iterator[tuple[int, int]]:
 
 
 def _part(sight: Sight, at_s: float) -> Part:
-    """Return the part with this moment. Raises `NotDone`."""
-    part = sight.part_at(sight.recording.begins_at + timedelta(seconds=at_s))
-    if part is None:
-        raise NotDone(_NOT_YOURS)
-    return part
+    """Return the part with this moment; its ends are told in milliseconds. Raises `NotDone`."""
+    moment = sight.recording.begins_at + timedelta(seconds=at_s)
+    for near in (moment, moment + MILLISECOND, moment - MILLISECOND):
+        if (part := sight.part_at(near)) is not None:
+            return part
+    raise NotDone(_NOT_YOURS)
+
+
+def _window(sight: Sight, part: Part, from_s: float, until_s: float) -> tuple[int, int]:
+    """Return a time within a part in ns; the end is exclusive."""
+    begin_ns = max(_ns(sight, from_s), _ns_of(part.begins_at))
+    return begin_ns, min(_ns(sight, until_s), _ns_of(part.ends_at)) + 1
 
 
 def _since(sight: Sight, moment: datetime) -> float:

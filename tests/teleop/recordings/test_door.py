@@ -93,6 +93,15 @@ def test_a_student_gets_the_time_of_their_session_and_no_more(
     assert min(times) >= 2.999 and max(times) <= 3.501
 
 
+def test_a_part_can_be_read_from_its_rounded_begin(
+    recording: Recording, robot: Robot, second_operator: User
+) -> None:
+    session(robot, second_operator, 4.0004 / 60, 1)  # s: told as 4.0, which is before it
+    [[begin, _end]] = get(second_operator, recording).json()["contents"]["parts"]
+    views = get(second_operator, recording, f"/views?from={begin}&to=5").json()["views"]
+    assert begin == 4.0 and views[0][0] == 4.1
+
+
 def test_a_download_is_continued_and_on_record_once(
     recording: Recording, operator: User, tmp_path: Path
 ) -> None:
