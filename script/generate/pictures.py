@@ -33,6 +33,7 @@ UNDER_WAY_S = 5.0  # after this time a robot that was sent to a place has driven
 SETTLED_S = 1.0  # after this time earlier notices have gone
 REPEAT_S = 0.5  # a held key repeats; one that is silent for long counts as released
 TRIES = 4
+KEPT_AFTER_S = 15.0  # a black box has so much after its event
 
 TOUR_ROBOT = "tiago-1"
 TOUR = (  # through the hall into a room: metres ahead and to the left of the start; share of full speed
@@ -106,7 +107,12 @@ def main() -> None:
     )
     with (
         lichtblick_build() as build,
-        temporary_stack(robots, students=STUDENTS, settings={"FLEET_LICHTBLICK": build}) as stack,
+        tempfile.TemporaryDirectory() as kept,
+        temporary_stack(
+            robots,
+            students=STUDENTS,
+            settings={"FLEET_LICHTBLICK": build, "FLEET_RECORDINGS": kept},
+        ) as stack,
     ):
         cookie = sign_in(stack, "operator")
         asyncio.run(tour(stack, cookie))
@@ -154,6 +160,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")
             show_bookings(page, stack)
+            replay_a_stop(page, stack)
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
             look_through_cameras(page, stack)
             open_in_lichtblick(page, stack)
@@ -238,6 +245,21 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
     if (cancel := page.locator("[data-part=going-cancel]")).is_visible():
         cancel.click()
     page.locator("[data-part=actions]").get_by_role("button", name="Release").click()
+
+
+def replay_a_stop(page: Page, stack: Stack) -> None:
+    """Take the replay of the newest black box, at its middle."""
+    for _ in range(TRIES):
+        page.goto(f"{stack.url}/recordings/?kind=black_box")
+        if (newest := page.locator(".recordings h2 a").first).count():
+            break
+        page.wait_for_timeout(1000.0 * KEPT_AFTER_S)
+    newest.click()
+    page.locator("[data-part=camera]").wait_for()
+    page.locator("[data-part=plot-topic]").select_option("/fleet/view")
+    page.locator("[data-part=plot-field]").select_option("state.odometry.vx")
+    page.wait_for_timeout(1000.0 * SETTLED_S)
+    page.screenshot(path=PICTURES / "replay.png")
 
 
 def look_in_3d(page: Page, stack: Stack) -> None:
