@@ -59,6 +59,7 @@ PING_S = 0.5
 MOST_WAITING = 100  # operations of one client
 MOST_UNREAD = 1024 * 1024  # characters of what others say, sent to a client that does not read
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
+MOST_UNKNOWN = 50  # clients at once: strangers must not take the places of all WebSockets
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
     "sign_in_first",
@@ -111,6 +112,9 @@ class RosbridgeConsumer(ControllingSocket):
             self._unknown = asyncio.get_running_loop().call_later(
                 SIGN_IN_S, lambda: run_in_background(self._leave_stranger(_SIGN_IN_FIRST))
             )
+            _strangers[self] = None
+            if len(_strangers) > MOST_UNKNOWN:
+                await next(iter(_strangers))._leave_stranger(_SIGN_IN_FIRST)
 
     async def _begin(self) -> None:
         """Join the robot's hub, if this person may see the robot. From then on a stop waits for nothing."""
@@ -168,12 +172,14 @@ class RosbridgeConsumer(ControllingSocket):
         return Delays(self._trip_s, None, silent_s)
 
     async def _leave_stranger(self, refusal: Refusal) -> None:
+        _strangers.pop(self, None)
         if not self.joined:
             await self.status("error", _worded(refusal))
             await self.close(CloseCode.SIGNED_OUT, refusal.text[:120])
 
     async def on_close(self) -> None:
         """End everything that the client has: control too."""
+        _strangers.pop(self, None)
         if self._unknown:
             self._unknown.cancel()
         if self._pinging:
@@ -294,6 +300,7 @@ class RosbridgeConsumer(ControllingSocket):
             return
         if self._unknown:
             self._unknown.cancel()
+        _strangers.pop(self, None)
         await self._begin()
 
     # --- requests to the bridge (family.Client) -------------------------------------------------------
@@ -375,6 +382,9 @@ class RosbridgeConsumer(ControllingSocket):
                 await self.status(level, f"{code}: {text}")
             case Refused(refusal=refusal) | BridgeGone(refusal=refusal):
                 await self.status("error", _worded(refusal))
+
+
+_strangers: dict[RosbridgeConsumer, None] = {}  # clients that have not signed in, the oldest first
 
 
 def _worded(refusal: Refusal) -> str:

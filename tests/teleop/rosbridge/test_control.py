@@ -107,6 +107,17 @@ async def test_a_stranger_is_closed_in_time(open_client, monkeypatch):
     assert await client.is_closed() == CloseCode.SIGNED_OUT
 
 
+async def test_of_many_strangers_the_one_that_waited_longest_is_closed(open_client, make_token, monkeypatch):
+    monkeypatch.setattr(consumer, "MOST_UNKNOWN", 1)
+    first = await open_client(None)
+    second = await open_client(None)
+    assert await first.is_closed() == CloseCode.SIGNED_OUT
+    await second.send("auth", mac=await make_token("operator"))
+    await second.take()
+    await open_client(None)
+    await second.call("/fleet/renew_control")
+
+
 async def test_a_robot_that_the_person_does_not_see_is_not_found(open_client, other_robot):
     assert await (await open_client("operator", other_robot.slug)).is_closed() == CloseCode.NOT_FOUND
 
