@@ -57,7 +57,7 @@ SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is k
 START_S = 20.0  # the same for a new process
 ANSWER_S = 10.0  # a recording begins within this time, or is refused
 LINGER_S = 60.0  # until an unused process ends
-LOOK_S = 3.0  # an unneeded process lives so long, to look for the files of an earlier one
+LOOK_S = 60.0  # an unneeded process lives so long, to finish and report the files of an earlier one
 VIEW_GAP_S = 0.09  # between two views
 MOST_SAID = 2000  # messages that wait for the next tick
 
@@ -102,6 +102,7 @@ class RecorderClient:
         self._recording: RecordingState | None = None
         self._black_box: BlackBoxState | None = None
         self._storing: set[UUID] = set()
+        self._closing = False
 
     async def begin(self) -> None:
         """Look for files of an earlier process that are not finished, or have no row. A disk may hang: nobody waits."""
@@ -109,7 +110,8 @@ class RecorderClient:
             self._stay(LOOK_S)
 
     async def close(self) -> None:
-        """End the process: the bridge ends."""
+        """End the process: the bridge ends. Rows of the files that it finishes now are stored at the next start."""
+        self._closing = True
         self._flush()
         await self._child.close()
 
@@ -294,7 +296,7 @@ class RecorderClient:
                 self._order = None
             case Finished(taken=taken):
                 self._store(taken)
-            case Removed(recording=recording):
+            case Removed(recording=recording) if not self._closing:
                 self._records.drop_recording(recording)
 
     def _progressed(self, recording: RecordingState | None, black_box: BlackBoxState | None) -> None:
@@ -308,7 +310,7 @@ class RecorderClient:
 
     def _store(self, taken: TakenRecording) -> None:
         """Let the row be stored. The recorder reports the file again until this is done."""
-        if taken.recording in self._storing:
+        if taken.recording in self._storing or self._closing:
             return
         self._storing.add(taken.recording)
         loop = asyncio.get_running_loop()
