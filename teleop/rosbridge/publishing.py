@@ -78,8 +78,12 @@ class Publishing(Family):
         if len(self._types) >= MOST_TOPICS and topic not in self._types:
             text = say("A client may advertise at most {most} topics.", most=MOST_TOPICS)
             raise NotDone(Refusal("too_many_topics", text, "wire", {"most": MOST_TOPICS}))
-        others = self._here.get(topic, {}).items()
-        if other := next((known for key, known in others if key != self.client.id and known != type_), None):
+        is_console = self._takes(topic) is not None or topic in self._drive_topics
+        # Only on topics of the robot a client may keep another from its type
+        others = {} if is_console else self._here.get(topic, {})
+        if other := next(
+            (known for key, known in others.items() if key != self.client.id and known != type_), None
+        ):
             raise NotDone(_other_type(topic, other))
         if refusal := self._why_not(topic, type_):
             raise NotDone(refusal)

@@ -233,6 +233,16 @@ async def test_two_clients_with_different_types(driver, open_client):
     await other.told("not_advertised")
 
 
+async def test_nobody_keeps_another_from_what_the_console_takes(driver, open_client):
+    other = await open_client("observer")
+    for topic in ("/play_motion/goal", "/cmd_vel"):
+        await other.send("advertise", topic=topic, type=TWIST)
+        await other.call("/fleet/renew_control")
+        await driver.send("advertise", topic=topic, type=TWIST.replace("Twist", "TwistStamped"))
+    told = (await driver.told("other_type"))["msg"]
+    assert "/cmd_vel" in told and not [one for one in driver.inbox if one["op"] == "status"]
+
+
 async def test_advertised_topics_are_limited(open_client, monkeypatch):
     monkeypatch.setattr(publishing, "MOST_TOPICS", 1)
     client = await open_client("operator")
