@@ -44,7 +44,8 @@ too_much, too_often, type_unknown, waits_enough, watchdog_missing, wrong_type, w
 may_not_drive, minutes, missed, no_line, no_such_turn, not_in_lesson, not_teacher,
 not_your_turn, seconds, shared, skipped, somebody_waits, teacher, team, team_size, turn_min,
 anew, has_account, mail_off, not_on_list, own_link_needed,
-archive, bytes, encrypted, kept, made_at
+archive, bytes, encrypted, kept, made_at,
+record, recordings, person_quota, robot_quota, recording_goes_on, disk_full, quota_full
 """
 _CODES = {name.strip() for name in _NAMES.split(",")}.union(*(kind.words.split() for kind in TASK_KINDS))
 WORDS = frozenset(code.replace("_", " ") for code in _CODES)

@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import msgspec
 import pytest
+from msgspec import structs
 
+from robots.bridge.recorder.files.finished_files import read
 from robots.bridge.recorder.recorder_messages import COMMAND, EVENT, VERDICT, VIEW, ChainEvent
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import order_once, state_once
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import RecordingPlace
 from robots.shared.records.record_sink import TakenRecording
@@ -105,6 +109,24 @@ def test_a_recording_outlives_its_recorder(bridge, directory) -> None:
     for taken in parts.values():
         assert "/scan_raw" in messages_of(directory / taken.name)
     until(lambda: not list(directory.glob("*.new")), "both rows")
+
+
+def test_a_booking_is_recorded_over_a_link_of_its_own(bridge, directory) -> None:
+    """As housekeeping does: no page is open, and the recorder has to start first."""
+    process, _ = bridge
+    robot, address = UUID(process.config.robot_id), process.config.link
+    booking, recording = str(uuid4()), uuid4()
+    order = wire.LinkRecord(recording, 4.0, "all", "Ada", "person-1", kind="booking", booking=booking)
+    order_once(robot, address, order, 10.0)
+    until(lambda: state_once(robot, address).recording, "the recorder's first report")
+    goes_on = state_once(robot, address).recording
+    assert goes_on is not None and (goes_on.recording, goes_on.kind) == (recording, "booking")
+    with pytest.raises(LinkRefused, match="records this robot"):
+        order_once(robot, address, structs.replace(order, recording=uuid4()), 10.0)
+    until(lambda: list(directory.glob(f"*-booking-{recording}.mcap")), "its end by the bridge's clock")
+    [path] = directory.glob("*-booking-*.mcap")
+    taken = read(path)
+    assert taken is not None and taken.booking == booking and "/scan_raw" in messages_of(path)
 
 
 def test_a_hanging_recorder_delays_no_command(bridge) -> None:
