@@ -105,3 +105,13 @@ def test_a_long_list_needs_few_queries(
         with CaptureQueriesContext(connection) as made:
             assert client.get("/recordings/?page=3").status_code == 200
         assert len(made) <= most, [one["sql"][:90] for one in made]
+
+
+def test_a_session_has_its_recordings_with_their_events(
+    recording: Recording, robot: Robot, operator: User, second_operator: User
+) -> None:
+    mine, theirs = session(robot, operator, 0, 5), session(robot, second_operator, 5, 8)
+    shown = page(operator, f"/sessions/{mine.pk}/").text
+    assert f'/recordings/{recording.pk}/"' in shown and "?t=" not in shown
+    shown = page(second_operator, f"/sessions/{theirs.pk}/").text
+    assert f"/recordings/{recording.pk}/?t=320.0" in shown and "Replay: emergency stop" in shown
