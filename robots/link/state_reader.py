@@ -26,6 +26,8 @@ ANSWER_S = 3.0  # from the first packet to the answer
 MOST_KEPT = 2  # connections to one bridge
 AT_ONCE = 16  # threads that ask all bridges for one reader; most of a bridge's answer is waiting
 
+RecorderOrder = wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep
+
 
 class _Connection:
     """An open connection to the bridge of a robot; `figures` are the bridge's counts from its hello."""
@@ -47,7 +49,7 @@ class _Connection:
         self._socket.send(wire.encode(wire.LinkState()), text=True)
         return next(report.state for report in self._reports(end_s) if isinstance(report, wire.Status))
 
-    def order(self, order: wire.LinkRecord | wire.LinkRecordEnd, end_s: float) -> None:
+    def order(self, order: RecorderOrder, end_s: float) -> None:
         """Have it carried out. Raises LinkRefused."""
         self._socket.send(wire.encode(order), text=True)
         next(report for report in self._reports(end_s) if isinstance(report, wire.Accepted))
@@ -81,9 +83,7 @@ def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | 
         return connection.figures, connection.ask(end_s)
 
 
-def order_once(
-    robot_id: UUID, address: LinkAddress, order: wire.LinkRecord | wire.LinkRecordEnd, within_s: float
-) -> None:
+def order_once(robot_id: UUID, address: LinkAddress, order: RecorderOrder, within_s: float) -> None:
     """Have a request carried out, by a new connection. Raises LinkRefused, also without an answer in this time."""
     end_s = time.monotonic() + within_s
     with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:

@@ -1,56 +1,27 @@
-"""Recordings that people ask for on a robot's page: checks the right, records the request, sends it to the bridge."""
+"""Recordings that people ask for on a robot's page."""
 
 from __future__ import annotations
 
-import logging
-from datetime import datetime, timedelta
 from typing import Protocol
-from uuid import UUID, uuid4
-
-from django.db import DatabaseError
-from django.utils import timezone
-from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.audit import services as audit
-from fleet.audit.errors import AuditUnavailable
-from fleet.audit.models import Record
-from fleet.bookings.models import Booking
-from fleet.bookings.schedule import Schedule, schedule_of
 from robots.link.client import LinkRefused
-from robots.registry.models import Robot
 from robots.shared.wire import (
     Accepted,
-    LinkKeep,
-    LinkRecord,
-    LinkRecordEnd,
     NotDone,
-    RecordEnd,
     RecordingRequest,
     Refusal,
     Refused,
     kind_of,
 )
-from robots.shared.wire import Record as Begin
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control.changes import ControlRefused, recorded_change
-from teleop.control.lease_checks import LeaseState, check_in_control
-from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.consumers.message_socket import BUSY
 from teleop.live.robot_hub import RobotHub
-from teleop.recordings.quota import check_quota
-
-log = logging.getLogger(__name__)
+from teleop.recordings.requests import NamedRobot, ask_on_record, record_outcome
 
 MOST_PENDING = 2  # requests per connection
-LONGEST = timedelta(hours=2)  # of a recording in time that nobody booked
-LEAST_S = 1.0
-
-_NOT_YOURS = Refusal(
-    "no_lease", "Only the person in control, supervisors and staff begin and end recordings.", "lease"
-)
 
 
 class RecordingOwner(Protocol):
@@ -62,13 +33,6 @@ class RecordingOwner(Protocol):
 
     async def answer(self, answer: Accepted | Refused) -> None:
         """Send the answer to a request."""
-
-
-class _Asked(Struct, frozen=True):
-    """A request that is on record, and what the bridge is told."""
-
-    begun: Record
-    order: LinkRecord | LinkRecordEnd | LinkKeep
 
 
 class RecordingSender:
@@ -89,7 +53,8 @@ class RecordingSender:
     async def _carry_out(self, request: RecordingRequest) -> None:
         owner, asked, refusal = self._owner, None, None
         try:
-            asked = await in_database(_recorded, request, owner.hub, owner.user, owner.rights)
+            robot = NamedRobot(owner.hub.robot_id, owner.hub.entry.facts.name)
+            asked = await in_database(ask_on_record, request, robot, owner.user, owner.rights.supervises)
             answer = await owner.hub.link.ask_recorder(asked.order)
             refusal = answer.refusal if isinstance(answer, Refused) else None
         except (LinkRefused, NotDone) as refused:
@@ -97,7 +62,7 @@ class RecordingSender:
         finally:
             self._pending -= 1
         if asked is not None:
-            run_in_background(in_database(_record_outcome, asked.begun, owner.user, refusal))
+            run_in_background(in_database(record_outcome, asked.begun, owner.user, refusal))
         await self._answer(request, refusal)
 
     async def _answer(self, request: RecordingRequest, refusal: Refusal | None) -> None:
@@ -105,89 +70,3 @@ class RecordingSender:
         await self._owner.answer(
             Refused(kind, refusal, request.seq) if refusal else Accepted(kind, request.seq)
         )
-
-
-def _recorded(request: RecordingRequest, hub: RobotHub, user: User, rights: Rights) -> _Asked:
-    """Check the request and write it into the log. Raises `ControlRefused`."""
-    now = timezone.now()
-    held = lease_of(hub.robot_id)
-    controls = check_in_control(held, user=user.pk, now=now) is None
-    if not (controls or rights.supervises or (isinstance(request, RecordEnd) and _began(request, user))):
-        raise ControlRefused(_NOT_YOURS)
-    if isinstance(request, Begin):
-        check_quota(hub.robot_id, user)
-    order = _order(request, hub.robot_id, user, held, now)
-    kind, facts = _facts(order)
-    reason = "" if isinstance(request, RecordEnd) else request.reason
-    with recorded_change():
-        begun = audit.record(
-            kind,
-            actor=user,
-            robot_id=hub.robot_id,
-            robot_name=hub.entry.facts.name,
-            session_id=held.session if held else None,
-            fence=held.fence if held else None,
-            parameters=facts,
-            private={"reason": reason} if reason else {},
-        )
-    return _Asked(begun, order)
-
-
-def _order(
-    request: RecordingRequest, robot_id: UUID, user: User, held: LeaseState | None, now: datetime
-) -> LinkRecord | LinkRecordEnd | LinkKeep:
-    if isinstance(request, RecordEnd):
-        return LinkRecordEnd(request.recording)
-    name, person = user.display_name, str(user.pk)
-    if not isinstance(request, Begin):
-        return LinkKeep(name, person, request.reason)
-    schedule = schedule_of(Robot.objects.get(pk=robot_id), now)
-    booking = (
-        Booking.objects.filter(pk=schedule.current.id).select_related("course").first()
-        if schedule.current
-        else None
-    )
-    return LinkRecord(
-        uuid4(),
-        seconds_left(schedule, now),
-        request.topics,
-        name,
-        person,
-        reason=request.reason,
-        session=str(held.session) if held else "",
-        booking=str(booking.pk) if booking else "",
-        course=booking.course.slug if booking and booking.course else "",
-    )
-
-
-def seconds_left(schedule: Schedule, now: datetime) -> float:
-    """Return how long a recording may last that begins now: until the slot ends, or the next one begins."""
-    if schedule.current is not None:
-        ends_at = schedule.current.slot.ends_at
-    else:
-        begins = [one.slot.starts_at for one in schedule.next[:1]]
-        ends_at = min([*begins, now + LONGEST])
-    return max((ends_at - now).total_seconds(), LEAST_S)
-
-
-def _began(request: RecordEnd, user: User) -> bool:
-    """Return whether this person asked for the recording."""
-    return Record.objects.filter(
-        kind="recording.begin", actor_id=user.pk, parameters__recording=str(request.recording)
-    ).exists()
-
-
-def _facts(order: LinkRecord | LinkRecordEnd | LinkKeep) -> tuple[str, dict[str, object]]:
-    if isinstance(order, LinkRecord):
-        return "recording.begin", {"recording": str(order.recording), "topics": order.topics}
-    if isinstance(order, LinkRecordEnd):
-        return "recording.end", {"recording": str(order.recording)}
-    return "recording.mark", {}
-
-
-def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
-    outcome, words = (refusal.code, {"words": refusal.sentence}) if refusal else ("accepted", {})
-    try:
-        audit.record(begun.kind, actor=user, of=begun, outcome=outcome, private=words)
-    except (AuditUnavailable, DatabaseError) as error:
-        log.error("The outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)

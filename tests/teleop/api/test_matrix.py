@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cache
 from typing import Any
+from uuid import uuid4
 
 import pytest
 from allauth.account.internal.flows.login import AUTHENTICATION_METHODS_SESSION_KEY
@@ -161,6 +162,9 @@ READ, DRIVE, _SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scop
 # The web process decides about control and all that needs control, but does not run here: the API only checks
 # that the person may see the robot. `tests/script/programs/test_programs.py` has the rest.
 NO_LEASE, NO_PROGRAMS = seen("no_lease"), seen("no_programs")
+RECORDER: Ends = tuple(  # type: ignore[assignment]
+    line.replace("permission_denied", "no_lease") for line in supervised("bridge_down")
+)
 DAY = {"starts_at": words(hour(24)), "ends_at": words(hour(25))}
 SLOT = {"starts_at": words(hour(48)), "ends_at": words(hour(49))}
 TERM = {"starts_on": f"{lab_date()}", "ends_on": f"{lab_date() + timedelta(days=30)}"}
@@ -418,6 +422,10 @@ TABLE: dict[str, Row] = {
             "not_found not_found not_found not_found 200",
         ),
     ),
+    # recording a robot; the bridge does not run here
+    "recording_begin": Row(TOPICS, "/robots/{robot}/recordings", RECORDER, {}),
+    "recording_end": Row(TOPICS, f"/robots/{{robot}}/recordings/{uuid4()}", RECORDER),
+    "recording_keep_this": Row(TOPICS, "/robots/{robot}/keep-this", RECORDER, {}),
     # recordings: one's own, a student's, a stranger's. Their files are on a computer that is out of reach
     "recordings_list": Row(READ, "/recordings?robot={robot}", everywhere("200")),
     "recordings_read": Row(READ, "/recordings/{recording}", recorded("recording_away")),

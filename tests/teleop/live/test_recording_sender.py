@@ -11,7 +11,7 @@ from fleet.bookings.models import Booking
 from fleet.bookings.schedule import Schedule
 from robots.shared.wire import LinkKeep, LinkRecord, LinkRecordEnd, Refusal
 from teleop.background.database import in_database
-from teleop.live.recording_sender import seconds_left
+from teleop.recordings.requests import seconds_left
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -62,6 +62,7 @@ AWAY = {
     "map_picture",
     "description_read",
     "mesh_read",
+    *("recording_begin", "recording_end", "recording_keep_this"),
     *(f"recordings_{name}" for name in ("file", "picture", "read", "series", "thumbnail", "views")),
 }
 
