@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 from uuid import UUID
@@ -18,6 +18,7 @@ from robots.access.models import Course
 from robots.recordings import stores
 from robots.recordings.files.contents import Contents, Unreadable
 from robots.recordings.models import Recording
+from robots.registry.models import Robot
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, entry_of, reads
@@ -150,6 +151,9 @@ _ONE_OF_BOTH = Refusal("invalid", "Name a person or a course, not both.", "wire"
 
 class RecordingBase(ApiView):
     tag = "recordings"
+
+    def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:
+        return [self.sight(asked["recording_id"]).recording.robot] if "recording_id" in asked else ()
 
     def sight(self, recording_id: UUID) -> Sight:
         """Return what the person, or the token, sees. Raises `Problem`."""

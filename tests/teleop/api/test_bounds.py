@@ -98,6 +98,10 @@ BOUNDED_OTHERWISE = {
         "place.delete",
         "layout.delete",
         "control.end",
+        "recording.delete",
+        "recording.end",
+        "recording.let_go",
+        "recording.unshare",
         "account.sign_out",
         "policy.remove",
         "push.remove",
@@ -116,6 +120,7 @@ BOUNDED_OTHERWISE = {
     ),
     "the console itself, or the robot": (
         "control.offer",
+        "recording.expire",
         "booking.no_show",
         "turn.miss",
         "turn.wait",
