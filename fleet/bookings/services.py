@@ -272,27 +272,19 @@ def booking_make(
     count for the quotas of bookings.
     `team`: other people who share the slot; those `asked` do when they accept. It counts for `person` alone.
     `turn_min`: who shares the slot takes turns of so many minutes; None: each takes the robot when it is free.
-    `record_it`: what the robot senses in the slot is recorded.
     `course`: the course for which the slot counts, if several courses let the person drive the robot.
-    `facts`: reads the robot's facts for the check before the lock (`shared_facts.in_turn`).
+    `record_it`: the slot is recorded. `facts`: reads the robot's facts before the lock (`shared_facts.in_turn`).
     """
     actor = actor or person
-    if lesson_of is not None and not may_manage(actor, lesson_of):
-        raise BookingRefused([_FOR_ANOTHER])
-    if not may_book_for(actor, person, robot, slot.starts_at):
+    leads = lesson_of is None or may_manage(actor, lesson_of)
+    if not (leads and may_book_for(actor, person, robot, slot.starts_at)):
         raise BookingRefused([_FOR_ANOTHER])
     require_readable(purpose)
     require_shareable(robot, person, team, turn_min, slot.starts_at, lesson=lesson_of is not None)
     override = _valid_reason(override, actor, robot)
-    if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
-        courses = courses_for(robot, person, slot.starts_at)
-        course = next((one for one in courses if may_manage(actor, one)), None)
-    checked: dict[str, Any] = {
-        "actor": actor,
-        "override": override,
-        "course": course,
-        "lesson": lesson_of is not None,
-    }
+    course = course or _course_of_teacher(actor, robot, person, slot)
+    checked: dict[str, Any] = {"actor": actor, "override": override, "course": course}
+    checked["lesson"] = lesson_of is not None
     # First check without the lock: many people may be too late for a slot, and must not wait for each other.
     _check(robot, person, slot, now, **checked, facts=facts(robot, slot))
     with robot_locked(robot.id, now) as robot:
@@ -315,11 +307,16 @@ def booking_make(
             made_at=now,
             overridden=bool(override) or None,
         )
-        sharing = _store_team(booking, [one for one in team if one not in asked])
-        record_booking(
-            "booking.make", booking, actor, outcome=booking.state, text=override, parameters=sharing
-        )
+        how = _store_team(booking, [one for one in team if one not in asked])
+        record_booking("booking.make", booking, actor, outcome=booking.state, text=override, parameters=how)
     return booking
+
+
+def _course_of_teacher(actor: User, robot: Robot, person: User, slot: Slot) -> Course | None:
+    """Return the course by which a teacher books for a student; None: the actor needs none."""
+    if actor.pk == person.pk or manages_robot(actor, robot):
+        return None
+    return next((one for one in courses_for(robot, person, slot.starts_at) if may_manage(actor, one)), None)
 
 
 def _store_team(booking: Booking, team: Sequence[User]) -> dict[str, Any]:

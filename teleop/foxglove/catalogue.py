@@ -1,4 +1,4 @@
-"""What a robot's master lists, read once for all Foxglove connections of this process while there is one.
+"""The entries of a robot's master, read once for all Foxglove connections of this process while there is one.
 
 A topic becomes a channel when a node publishes it and the definition of its type is known. Channels have the same
 numbers for all connections, so that each change is encoded once.

@@ -1,4 +1,4 @@
-"""Who publishes, subscribes and serves what on a robot, and how that changed. Pure."""
+"""Publishers, subscribers and services of a robot, and how they changed. Pure."""
 
 from __future__ import annotations
 

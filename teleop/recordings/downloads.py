@@ -45,7 +45,7 @@ _making = threading.BoundedSemaphore(AT_ONCE)
 
 
 class Wanted(Struct, frozen=True):
-    """What is downloaded. Times: s since the recording began; None: from its beginning, to its end."""
+    """The part that is downloaded. Times: s since the recording began; None: from its beginning, to its end."""
 
     format: Literal["mcap", "bag"] = "mcap"
     from_s: float | None = None

@@ -13,7 +13,7 @@ from robots.recordings.models import Recording
 
 
 class Filters(Struct, frozen=True):
-    """What is searched. Empty: everything."""
+    """The values that are searched. Empty: everything."""
 
     robot: str = ""  # slug
     person: str = ""  # user name, or part of a name

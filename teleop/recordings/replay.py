@@ -1,4 +1,4 @@
-"""What the replay page shows of a recording: an index, views of a time, pictures, series of numbers.
+"""Data of the replay page: an index, views of a time, pictures, series of numbers.
 
 Times are seconds since the recording began. Nothing outside the parts that a person may see is returned.
 """
@@ -59,7 +59,7 @@ class RecordedChannel(Struct, frozen=True):
 
 
 class RecordedContents(Struct, frozen=True):
-    """What the page needs at first."""
+    """The first data of the page."""
 
     lasts_s: float
     parts: list[tuple[float, float]]  # that the person sees

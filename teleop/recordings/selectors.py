@@ -1,4 +1,4 @@
-"""Who sees which recordings, and which part of each. Every list, page, download and export asks here.
+"""The rule of who sees which recordings, and which part of each. Every list, page, download and export asks here.
 
 A recording may show the sessions of several people. Staff, supervisors of the robot or the course, and those with whom
 it is shared see all of it. Its owner does so, too, while it shows nobody else's session. Everybody else who had control
@@ -32,7 +32,7 @@ class Part(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What a person may see of a recording. `parts`: in order, without gaps of zero length; whole: one part."""
+    """The parts of a recording that one may see. `parts`: in order, without gaps of zero length; whole: one part."""
 
     recording: Recording
     whole: bool

@@ -1,4 +1,4 @@
-"""What a client publishes: velocities go through the gate by the shortest way, other messages by the allow-list."""
+"""Messages of a client: velocities go through the gate by the shortest way, others by the allow-list."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def ticket_make(
 def ticket_use(text: str, *, robot: str, door: str) -> Ticket:
     """Use a ticket up, and return it. Raises `TokenInvalid`."""
     found = Ticket.objects.select_related("user", "token").filter(digest=digest_of(text)).first()
-    # Whoever deletes it has used it
+    # The one who deletes it has used it
     if found is None or not Ticket.objects.filter(pk=found.pk).delete()[0]:
         raise TokenInvalid(
             "ticket_invalid",

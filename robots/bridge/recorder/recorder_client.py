@@ -76,7 +76,7 @@ _report = msgspec.json.Decoder(RecorderReport)
 
 
 class Judge(Protocol):
-    """Who knows the gate's answer to the last command."""
+    """The part that knows the gate's answer to the last command."""
 
     @property
     def verdict(self) -> wire.Verdict: ...

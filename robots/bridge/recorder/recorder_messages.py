@@ -25,7 +25,7 @@ class Command(Struct, frozen=True, omit_defaults=True):
 
 
 class ChainEvent(Struct, frozen=True, omit_defaults=True):
-    """What happened in the chain: one of `RecordingEvent`; control_begins, control_ends; or refused."""
+    """An event in the chain: one of `RecordingEvent`; control_begins, control_ends; or refused."""
 
     event: str
     text: str = ""
@@ -62,7 +62,7 @@ class Said(Struct, frozen=True, tag_field="t", tag="said"):
 
 
 class InControl(Struct, frozen=True, tag_field="t", tag="control"):
-    """Who has control: the black box runs. `person` empty: nobody, and it ends soon."""
+    """The person in control: the black box runs. `person` empty: nobody, and it ends soon."""
 
     person: str = ""
     session: str = ""
@@ -104,7 +104,7 @@ RecorderRequest = Said | InControl | Happened | Begin | End | Stored
 
 
 class Progress(Struct, frozen=True, tag_field="t", tag="progress"):
-    """What goes on: a sign of life, each second."""
+    """The present work: a sign of life, each second."""
 
     recording: RecordingState | None
     black_box: BlackBoxState | None

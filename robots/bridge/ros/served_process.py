@@ -33,7 +33,7 @@ LIFE_S = SILENCE_S / 5
 
 
 class Serving(Protocol):
-    """What such a process does. `looked_s`: a recent time (s, monotonic) shows that its thread works."""
+    """The work of such a process. `looked_s`: a recent time (s, monotonic) shows that its thread works."""
 
     clock: RobotClock  # the robot's, as the bridge knows it
 

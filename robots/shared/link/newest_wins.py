@@ -1,4 +1,4 @@
-"""What waits for a reader of one topic: newest wins, and nothing grows. Pure: time is an argument."""
+"""Messages that wait for a reader of one topic: newest wins, and nothing grows. Pure: time is an argument."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class TakenRecording(Struct, frozen=True, tag=True):
     thumbnail: bool = False
 
 
-# What people decided about a finished file
+# Decisions of people about a finished file
 FileChange = Literal["remove", "keep", "let_go"]
 
 

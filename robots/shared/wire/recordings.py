@@ -15,7 +15,7 @@ RecordingKind = Literal["black_box", "by_hand", "booking"]
 # contact: the robot reports that it touched something. keep: a person pressed "Keep this".
 RecordingEvent = Literal["stop", "gate", "fault", "contact", "keep"]
 MOST_RECORDED_TOPICS = 300
-# What is recorded: everything, everything but pictures, or these topics
+# Recorded topics: everything, everything but pictures, or these topics
 RecordedTopics = (
     Literal["all", "pictures_not"]
     | Annotated[list[TopicName], Meta(min_length=1, max_length=MOST_RECORDED_TOPICS)]

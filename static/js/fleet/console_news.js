@@ -1,5 +1,5 @@
 /**
- * What the console tells about the robots: first all, then those that changed. It says something five times a second,
+ * News of the console about the robots: first all, then those that changed. It says something five times a second,
  * if only `beat`.
  */
 

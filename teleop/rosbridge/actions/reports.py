@@ -1,4 +1,4 @@
-"""What the robot says about a goal: feedback and result, under the bridge's id for it.
+"""Reports of the robot about a goal: feedback and result, under the bridge's id for it.
 
 The bridge's own ids begin with `GOAL_PREFIX`. One client has control, and an action has one goal at a time, so
 the newest goal of this client for the action is the one that is meant.

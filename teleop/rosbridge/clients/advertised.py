@@ -1,4 +1,4 @@
-"""What the clients of a robot advertise for each other: allowed by the allow-list, gone with the client.
+"""Offers of the clients of a robot for each other: allowed by the allow-list, gone with the client.
 
 It lives in this process: clients that another web process serves do not see it. It never reaches the robot.
 """
@@ -39,7 +39,7 @@ def public_name(name: str) -> str:
 
 
 class Advertisements:
-    """What clients advertise of one kind, as one client makes and finds it."""
+    """Offers of one kind, as one client makes and finds it."""
 
     def __init__(self, client: Client, kind: Kind) -> None:
         self._client = client

@@ -53,7 +53,7 @@ class Wanted(Struct):
 
 @dataclass
 class _Sent:
-    """What one request has got so far."""
+    """The transforms that one request has got so far."""
 
     wanted: Wanted
     send: Send

@@ -57,7 +57,7 @@ class _Pieces(list[bytes]):
 
 
 class FileSummary(Summary):
-    """What the summary section of a file says."""
+    """The summary section of a file."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -41,7 +41,7 @@ class _Record(NamedTuple):
 
 
 class Recovered(NamedTuple):
-    """What a finished file has."""
+    """The contents of a finished file."""
 
     summary: FileSummary
     metadata: dict[str, dict[str, str]]  # the newest of each name

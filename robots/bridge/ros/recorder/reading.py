@@ -34,7 +34,7 @@ _UNREAD = ("/rosout_agg",)  # the same messages as /rosout
 
 
 class Receiver(Protocol):
-    """Who takes messages, on any thread."""
+    """A taker of messages, on any thread."""
 
     def arrived(self, message: Message) -> None: ...
 

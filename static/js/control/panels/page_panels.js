@@ -4,7 +4,7 @@ import { Running } from "../../tasks/running.js";
 import { TaskRequests } from "../../tasks/tasks.js";
 
 /**
- * What a panel gets of its page.
+ * The parts of the page that a panel gets.
  *
  * @typedef {object} Page
  * @property {HTMLElement} root

@@ -27,7 +27,7 @@ Reason = Annotated[str, Meta(max_length=200)]
 
 
 class BeginRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """What is recorded: "all", "pictures_not" (no images and clouds), or names of topics."""
+    """The recorded topics: "all", "pictures_not" (no images and clouds), or names of topics."""
 
     topics: RecordedTopics = "pictures_not"
     reason: Reason = ""
