@@ -91,7 +91,7 @@ def test_control_is_asked_for_handed_over_and_taken_over(person: Arrive) -> None
 
     staff.watch("tiago-2")
     staff.press("Take over…")
-    staff.page.get_by_label("Reason", exact=True).fill("the door must be kept free")
+    staff.page.get_by_role("textbox", name="Reason", exact=True).fill("the door must be kept free")
     staff.page.keyboard.press("Enter")
     staff.until(lambda: staff.control["state"] == "yours", "control to be taken over")
     supervisor.part("notices").get_by_text("the door must be kept free").wait_for()
