@@ -122,7 +122,7 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
 
     staff.open("/bookings/new/")
     tomorrow = datetime.now(UTC) + timedelta(days=1)
-    staff.page.get_by_label("Robot", exact=True).select_option("tiago-1")
+    staff.page.locator("select[name='robot']").select_option("tiago-1")
     staff.page.get_by_label("From").fill(tomorrow.strftime("%Y-%m-%dT00:00"))
     staff.page.get_by_label("To", exact=True).fill(tomorrow.strftime("%Y-%m-%dT23:00"))
     staff.page.get_by_role("button", name="Book", exact=True).click()

@@ -121,7 +121,7 @@ def set_password(staff: Person, student: Person, course: str) -> None:
 def book(somebody: Person, starts: str, ends: str, reason: str = "") -> None:
     """Fill in the form for ROBOT and tomorrow, and send it."""
     somebody.open("/bookings/new/")
-    somebody.page.get_by_label("Robot", exact=True).select_option(label=ROBOT)
+    somebody.page.locator("select[name='robot']").select_option(label=ROBOT)
     somebody.page.get_by_label("From").fill(f"{TOMORROW:%Y-%m-%d}T{starts}")
     somebody.page.get_by_label("To", exact=True).fill(f"{TOMORROW:%Y-%m-%d}T{ends}")
     if reason:
