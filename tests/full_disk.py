@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import suppress
+from collections.abc import Callable
 from typing import Any
 from weakref import WeakSet
 
@@ -27,6 +26,21 @@ def _note(connection: BaseDatabaseWrapper, **_: Any) -> None:
 FILLERS = (100_000, 1_000, 0)
 MOST_PAGES = 4_294_967_294  # as SQLite limits itself
 FAILURES = 25  # failures in a row that mean a full disk: records use different pages of an index
+
+
+class _Limit:
+    """Limits its connection once."""
+
+    def __init__(self, pages: int) -> None:
+        self._pages = pages
+
+    def __call__(
+        self, execute: Callable[..., Any], sql: str, params: Any, many: bool, context: dict[str, Any]
+    ) -> Any:
+        connection = context["connection"]
+        connection.execute_wrappers.remove(self)
+        connection.connection.execute(f"PRAGMA max_page_count = {self._pages}").close()
+        return execute(sql, params, many, context)
 
 
 class Disk:
@@ -54,11 +68,9 @@ class Disk:
         self._limit(connection)
 
     def _limit_kept(self, pages: int) -> None:
+        """Let each connection limit itself in its own thread, before its next query."""
         for kept in list(_opened):
-            if (raw := kept.connection) is None:
-                continue
-            with suppress(sqlite3.ProgrammingError):  # its thread has closed it meanwhile
-                raw.execute(f"PRAGMA max_page_count = {pages}").close()
+            kept.execute_wrappers.append(_Limit(pages))
 
     def _limit(self, connection: BaseDatabaseWrapper) -> None:
         with connection.cursor() as cursor:

@@ -51,6 +51,7 @@ COUNTED = (
     "course.invite",
     "course.marks",
     "course.number",
+    "course.reopen",
     "layout.share",
     "map.name",
     "place.change",

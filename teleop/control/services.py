@@ -67,7 +67,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         line = _line_if_free(before, robot_id, now)
         lapsed = lease_checks.lapse_reason(before, now) if before is not None else None
         if before is not None and lapsed:  # first: it ends the turn by which the same person might drive on
-            _end_session(before, EndReason(lapsed), robot, None, now)
+            _end_lapsed(before, lapsed, robot, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
         _require(permit.take_over_only)
         _require(lease_checks.check_take(before, user=user_id, tab=tab, now=now))
@@ -103,17 +103,15 @@ def lease_take_over(
                     before, user=user_id, supervises=supervises(user, robot), now=now
                 )
             )
-        if before is not None:
-            lapsed = lease_checks.lapse_reason(before, now)
+        if before is not None and (lapsed := lease_checks.lapse_reason(before, now)):
+            _end_lapsed(before, lapsed, robot, now)
+        elif before is not None:
             note = (
-                None
-                if lapsed
-                else say("{name} took over: {reason}", name=user.display_name, reason=reason)
+                say("{name} took over: {reason}", name=user.display_name, reason=reason)
                 if reason.strip()
                 else say("{name} took control back.", name=user.display_name)
             )
-            ended = EndReason(lapsed) if lapsed else EndReason.TAKEN_OVER
-            _end_session(before, ended, robot, None if lapsed else user, now, note=note)
+            _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
         slot = schedule_of(robot, now).current
         owner = next(
@@ -227,8 +225,7 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> None:
         if held is not None and (why := lease_checks.lapse_reason(held, now)) is not None:
             robot = _robot(robot_id)
             _free(robot_id, held, now, seen_at=held.seen_at)
-            note = _slot_note(held, robot, now) if why == "term" else None
-            _end_session(held, EndReason.SLOT if note else EndReason(why), robot, None, now, note=note)
+            _end_lapsed(held, why, robot, now)
 
 
 def lease_end(
@@ -461,6 +458,12 @@ def _end_session(
     parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
     private = {"holder_name": held.name, **({"words": note} if note else {})}
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=private)
+
+
+def _end_lapsed(held: LeaseState, why: str, robot: Robot, now: datetime) -> None:
+    """End a control session whose lease is over, whoever notices it first."""
+    note = _slot_note(held, robot, now) if why == "term" else None
+    _end_session(held, EndReason.SLOT if note else EndReason(why), robot, None, now, note=note)
 
 
 def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None, **facts: Any) -> Record:

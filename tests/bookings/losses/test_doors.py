@@ -115,7 +115,7 @@ def close_account(operator, **_):
 
 
 DOORS = {
-    archive: "Course archived or opened again: HRI",
+    archive: "Course archived: HRI",
     shorten_course: "Course changed: HRI",
     unenrol: "Taken out of a course: HRI",
     demand: "Qualification made: Induction",

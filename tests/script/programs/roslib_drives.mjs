@@ -125,7 +125,9 @@ const steps = {
   async readsMapsAndPicturesInEachForm() {
     for (const compression of ["none", "png", "cbor"]) {
       const map = reader(observer, "/map", "nav_msgs/OccupancyGrid", { compression });
-      const { info, data } = await map();
+      const { info, data } = await map().catch((error) => {
+        throw new Error(`${error.message} as ${compression}: ${JSON.stringify(observer.told)}`);
+      });
       assert.equal(data.length, info.width * info.height, compression);
       map.topic.unsubscribe();
     }

@@ -62,11 +62,15 @@ def test_slots_of_one_person_that_touch_are_one_term(robot, operator):
     assert take(robot, operator, at(1)).term_ends_at == at(120)
 
 
-def test_free_time_ends_when_another_slot_begins(robot, operator, second_operator):
+@pytest.mark.parametrize("first", ["the clock", "the owner of the slot"])
+def test_free_time_ends_when_another_slot_begins(robot, operator, second_operator, first):
     book(robot, operator, 10)
     taken = take(robot, second_operator)
     assert taken.term_ends_at == at(10)
-    services.lease_expire(robot_id=robot.id, now=at(10))
+    if first == "the clock":
+        services.lease_expire(robot_id=robot.id, now=at(10))
+    else:
+        take(robot, operator, at(10))
     session = ControlSession.objects.get(pk=taken.session)
     assert session.end_reason == "slot"
     assert end_notes([session.pk])[session.pk] == f"{operator.display_name}’s slot began."
