@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import heapq
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
 KEPT_S = 60.0
 MOST_BYTES = 48 * 1024 * 1024
-MOST_LATCHED_BYTES = 8 * 1024 * 1024  # of the latched messages; a larger one is not kept
+MOST_LATCHED_BYTES = 8 * 1024 * 1024  # of the latched messages
+MOST_GAPS = 10_000  # of lost messages
 OVERHEAD_BYTES = 200  # of a message, besides its data
 PICTURE_S = 0.5  # between two pictures of a topic
 RAW_PICTURE_S = 1.0
@@ -72,6 +73,29 @@ class _Window(deque[Message]):
         self.size -= self.popleft().size
 
 
+class Latched:
+    """The latched messages that hold now: the last one of each publisher. If room is short, the largest go first."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._messages: dict[tuple[str, str], Message] = {}
+
+    def __iter__(self) -> Iterator[Message]:
+        return iter(self._messages.values())
+
+    def put(self, message: Message) -> None:
+        key = message.origin.topic, message.origin.publisher
+        if key in self._messages:
+            self._drop(key)
+        self._messages[key] = message
+        self.size += message.size
+        while self.size > MOST_LATCHED_BYTES:
+            self._drop(max(self._messages, key=lambda key: self._messages[key].size))
+
+    def _drop(self, key: tuple[str, str]) -> None:
+        self.size -= self._messages.pop(key).size
+
+
 class Ring:
     """The last minute, at most `most_bytes` of it: the oldest pictures go first."""
 
@@ -81,13 +105,13 @@ class Ring:
         self._pictures = _Window()
         self._others = _Window()
         self._newest_picture: dict[str, int] = {}  # by topic: when it came
-        self._latched: dict[tuple[str, str], Message] = {}
-        self._latched_bytes = 0
+        self._latched = Latched()
+        self._gaps: deque[tuple[int, Origin, int]] = deque(maxlen=MOST_GAPS)
 
     @property
     def size(self) -> int:
         """Memory of all messages, in bytes."""
-        return self._pictures.size + self._others.size + self._latched_bytes
+        return self._pictures.size + self._others.size + self._latched.size
 
     def held_s(self, now_ns: int) -> int:
         """Return how much of the past it holds, in whole seconds."""
@@ -106,37 +130,27 @@ class Ring:
         else:
             self._others.put(message)
         if origin.latched:
-            self._latch(message)
+            self._latched.put(message)
         self._drop_old(message.at_ns)
         return True
 
     def since(self, from_ns: int) -> Iterator[Message]:
         """Yield what came since then, in order; before it, latched messages that still hold."""
         kept = heapq.merge(self._pictures, self._others, key=lambda message: message.at_ns)
-        yield from (message for message in self._latched.values() if message.at_ns < from_ns)
+        yield from (message for message in self._latched if message.at_ns < from_ns)
         yield from (message for message in kept if message.at_ns >= from_ns)
 
-    def clear(self) -> None:
-        """Forget everything but latched messages."""
-        self._pictures, self._others = _Window(), _Window()
-        self._newest_picture.clear()
+    def missed(self, origin: Origin, count: int, at_ns: int) -> None:
+        """Note messages that were lost before they arrived."""
+        self._gaps.append((at_ns, origin, count))
 
-    def forget(self, topics: set[str]) -> None:
-        """Forget the latched messages of all other topics: they are not read any more."""
-        for key in [key for key in self._latched if key[0] not in topics]:
-            self._unlatch(key)
-
-    def _latch(self, message: Message) -> None:
-        key = message.origin.topic, message.origin.publisher
-        if key in self._latched:
-            self._unlatch(key)
-        self._latched[key] = message
-        self._latched_bytes += message.size
-        while self._latched_bytes > MOST_LATCHED_BYTES:
-            self._unlatch(next(iter(self._latched)))
-
-    def _unlatch(self, key: tuple[str, str]) -> None:
-        self._latched_bytes -= self._latched.pop(key).size
+    def missing_since(self, from_ns: int) -> Counter[Origin]:
+        """Return how many were lost since then."""
+        missing: Counter[Origin] = Counter()
+        for at_ns, origin, count in self._gaps:
+            if at_ns >= from_ns:
+                missing[origin] += count
+        return missing
 
     def _drop_old(self, now_ns: int) -> None:
         for window in (self._pictures, self._others):

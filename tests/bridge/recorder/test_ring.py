@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from robots.bridge.recorder.ring import Message, Origin, Ring
+from robots.bridge.recorder.ring import MOST_LATCHED_BYTES, Message, Origin, Ring
 
 SECOND = 10**9
 SCAN = Origin("/scan", "ros1", "sensor_msgs/LaserScan", "", "", "/laser")
 PICTURE = Origin("/camera", "ros1", "sensor_msgs/CompressedImage", "", "", "/driver")
+STATIC = Origin("/tf_static", "ros1", "tf2_msgs/TFMessage", "", "", "/state", latched=True)
 MAP = Origin("/map", "ros1", "nav_msgs/OccupancyGrid", "", "", "/server", latched=True)
 
 
@@ -52,5 +53,20 @@ def test_latched_messages_still_hold_after_the_minute() -> None:
     for at_s in range(2, 100):
         ring.put(message(SCAN, at_s))
     assert times(ring, since_s=90) == [1, *range(90, 100)]
-    ring.forget({"/scan"})
-    assert times(ring, since_s=98) == [98, 99]
+
+
+def test_a_large_map_throws_out_no_transform() -> None:
+    ring, other = Ring(), MAP._replace(topic="/costmap")
+    ring.put(message(STATIC, 0))
+    ring.put(message(MAP, 1, MOST_LATCHED_BYTES * 2 // 3))
+    ring.put(message(other, 2, MOST_LATCHED_BYTES // 2))
+    assert times(ring, since_s=50) == [0, 2]
+    ring.put(message(other, 3, MOST_LATCHED_BYTES))  # the map before it does not hold any more
+    assert times(ring, since_s=50) == [0]
+
+
+def test_lost_messages_are_known_as_long_as_the_others() -> None:
+    ring = Ring()
+    for at_s in (5, 20, 25):
+        ring.missed(SCAN, 2, at_s * SECOND)
+    assert ring.missing_since(10 * SECOND) == {SCAN: 4}
