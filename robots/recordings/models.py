@@ -82,6 +82,8 @@ class Recording(models.Model):
             models.Index(fields=["robot", "begins_at"], name="recordings_by_robot"),
             models.Index(fields=["person", "begins_at"], name="recordings_by_person"),
             models.Index(fields=["session"], name="recordings_by_session"),
+            # Has all that `file_changes` reads: rows are large
+            models.Index(fields=["id", "place", "kept_at", "file_kept", "file"], name="recordings_to_change"),
         ]
 
     def __str__(self) -> str:

@@ -6,13 +6,14 @@ from datetime import UTC, datetime
 from uuid import UUID
 
 import msgspec
+from django.db.models import Q
 from django.utils import timezone
 
 from fleet.accounts.models import User
 from robots.recordings.models import Place, Recording
 from robots.shared.records.record_sink import FileChange, TakenRecording
 
-MOST_CHANGES = 100  # of one kind at a time: the bridge asks again
+MOST_CHANGES = 200  # at a time: the bridge asks again
 
 
 def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
@@ -45,17 +46,20 @@ def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
     return recording
 
 
-def file_changes(robot_id: UUID) -> list[tuple[UUID, FileChange]]:
-    """Return what the bridge's computer must do with finished files of a robot."""
-    rows = Recording.objects.filter(robot_id=robot_id).exclude(file="")
-    removed = rows.filter(place=Place.GONE).values_list("pk", flat=True)
-    there = rows.filter(place=Place.DIRECTORY)
-    kept = there.filter(kept_at__isnull=False, file_kept=False).values_list("pk", flat=True)
-    let_go = there.filter(kept_at=None, file_kept=True).values_list("pk", flat=True)
-    changes: list[tuple[UUID, FileChange]] = [(one, "remove") for one in removed[:MOST_CHANGES]]
-    changes += [(one, "keep") for one in kept[:MOST_CHANGES]]
-    changes += [(one, "let_go") for one in let_go[:MOST_CHANGES]]
-    return changes
+def file_changes(after: UUID | None = None) -> list[tuple[UUID, FileChange]]:
+    """Return what must be done with finished files, behind this recording in the order of ids.
+
+    The computer that has a file knows it: its recordings may have moved there from another one.
+    """
+    kept = Q(place=Place.DIRECTORY, kept_at__isnull=False, file_kept=False)
+    let_go = Q(place=Place.DIRECTORY, kept_at=None, file_kept=True)
+    rows = Recording.objects.filter(Q(place=Place.GONE) | kept | let_go).exclude(file="").order_by("pk")
+    if after is not None:
+        rows = rows.filter(pk__gt=after)
+    return [
+        (number, "remove" if place == Place.GONE else "keep" if kept_at else "let_go")
+        for number, place, kept_at in rows.values_list("pk", "place", "kept_at")[:MOST_CHANGES]
+    ]
 
 
 def file_changed(recording_id: UUID, change: FileChange) -> None:

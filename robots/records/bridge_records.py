@@ -286,9 +286,9 @@ class AuditSink:
         recording_gone(recording)
 
     @_as_record_error
-    def recording_changes(self) -> list[tuple[str, FileChange]]:
-        """Return what must be done with finished files of this robot."""
-        return [(str(recording), change) for recording, change in file_changes(self._robot_id)]
+    def recording_changes(self, after: UUID | None) -> list[tuple[str, FileChange]]:
+        """Return what must be done with finished files."""
+        return [(str(recording), change) for recording, change in file_changes(after)]
 
     @_as_record_error
     def recording_changed(self, recording: UUID, change: FileChange) -> None:

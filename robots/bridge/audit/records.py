@@ -132,12 +132,14 @@ class Records(RecordWriter):
         """Store that the file of a recording is gone."""
         self.run_in_background(partial(self.sink.drop_recording, recording))
 
-    def recording_changes(self, found: Callable[[list[tuple[UUID, FileChange]]], object]) -> None:
+    def recording_changes(
+        self, after: UUID | None, found: Callable[[list[tuple[UUID, FileChange]]], object]
+    ) -> None:
         """Ask what must be done with finished files. `found` is called on the worker's thread."""
 
         def ask() -> None:
             try:
-                changes = self.sink.recording_changes()
+                changes = self.sink.recording_changes(after)
             except RecordError:
                 return  # the database does not answer: the next time
             found([(UUID(recording), change) for recording, change in changes])

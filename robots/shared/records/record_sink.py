@@ -205,8 +205,11 @@ class RecordSink(Protocol):
     def drop_recording(self, recording: UUID) -> None:
         """Commit that the file of this recording was removed: a black box, for newer recordings."""
 
-    def recording_changes(self) -> list[tuple[str, FileChange]]:
-        """Return what must be done with finished files of this robot, by id of the recording."""
+    def recording_changes(self, after: UUID | None) -> list[tuple[str, FileChange]]:
+        """Return what must be done with finished files, of all robots, by id of the recording and in its order.
+
+        `after`: the last id of the answer before. The end of the list is an empty answer.
+        """
 
     def recording_changed(self, recording: UUID, change: FileChange) -> None:
         """Commit that this was done."""

@@ -67,7 +67,7 @@ CALLS: dict[str, tuple[Any, ...]] = {
         ),
     ),
     "drop_recording": (uuid4(),),
-    "recording_changes": (),
+    "recording_changes": (uuid4(),),
     "recording_changed": (uuid4(), "keep"),
     "keep_description": (TakenDescription("digest", b"\x00", "no joints"),),
 }

@@ -149,6 +149,11 @@ class RecordingDirectory:
                 found.append(Entry(path, UUID(name[3]), kind, size, path.stem in kept))
         return found
 
+    def recordings(self) -> set[UUID]:
+        """Return which finished recordings are here."""
+        found = (_NAME.fullmatch(path.stem) for path in self._with(FILE))
+        return {UUID(name[3]) for name in found if name is not None}
+
     def keep(self, recording: UUID) -> None:
         """Keep a recording: it is not removed for newer ones."""
         for path in self.path.glob(f"*-{recording}{FILE}"):
@@ -210,6 +215,6 @@ class RecordingDirectory:
         )
 
     def _remove(self, path: Path) -> None:
-        path.unlink(missing_ok=True)
-        for ending in (NEW, KEPT, PICTURE):
+        # The file last: as long as it is there, it is removed again
+        for ending in (NEW, KEPT, PICTURE, FILE):
             path.with_suffix(ending).unlink(missing_ok=True)

@@ -1,6 +1,8 @@
 """Carries out on this computer what people decided about finished files: keep, let go, remove.
 
-The database says so each minute, so a bridge that was off does it later. A disk may hang: a thread of its own waits.
+The database says so each minute, so a computer that was off does it later. It does not know which computer has a file:
+each bridge asks for the changes of all robots, and carries out those of files that are here. A disk may hang: a
+thread of its own waits.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ FIRST_S = 5.0  # after the start of the bridge
 
 
 class FileChanges:
-    """The changes for the files of one robot, on the event loop."""
+    """The changes for the files in the directory of one bridge, on the event loop."""
 
     def __init__(self, config: BridgeConfig, records: Records) -> None:
         place = config.recordings
@@ -44,13 +46,16 @@ class FileChanges:
             self._due_s = now_s + FIRST_S
         if now_s >= self._due_s and (self._works is None or self._works.done()):
             self._due_s = now_s + EVERY_S
-            loop = asyncio.get_running_loop()
+            self._ask(None)
 
-            def found(changes: list[tuple[UUID, FileChange]]) -> None:
-                with suppress(RuntimeError):  # the bridge has ended
-                    loop.call_soon_threadsafe(self._begin, changes)
+    def _ask(self, after: UUID | None) -> None:
+        loop = asyncio.get_running_loop()
 
-            self._records.recording_changes(found)
+        def found(changes: list[tuple[UUID, FileChange]]) -> None:
+            with suppress(RuntimeError):  # the bridge has ended
+                loop.call_soon_threadsafe(self._begin, changes)
+
+        self._records.recording_changes(after, found)
 
     def _begin(self, changes: list[tuple[UUID, FileChange]]) -> None:
         if changes:
@@ -58,13 +63,18 @@ class FileChanges:
 
     async def _carry_out(self, changes: list[tuple[UUID, FileChange]]) -> None:
         assert self._directory is not None  # noqa: S101  (see `tick`)
-        for recording, change in changes:
-            try:
-                await asyncio.to_thread(_change, self._directory, recording, change)
-            except OSError as error:
-                log.warning("the file of recording %s is not changed yet: %s", recording, error)
-                return
-            self._records.recording_changed(recording, change)
+        try:
+            here = await asyncio.to_thread(self._directory.recordings)
+            for recording, change in changes:
+                if recording in here:
+                    await asyncio.to_thread(_change, self._directory, recording, change)
+                    self._records.recording_changed(recording, change)
+        except FileNotFoundError:  # nothing was recorded here yet, or the disk is gone
+            return
+        except OSError as error:
+            log.warning("files of recordings are not changed yet: %s", error)
+            return
+        self._ask(changes[-1][0])
 
 
 def _change(directory: RecordingDirectory, recording: UUID, change: FileChange) -> None:
