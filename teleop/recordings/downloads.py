@@ -102,7 +102,7 @@ def remove_old(now_s: float | None = None) -> Iterator[None]:
 
 def _make(sight: Sight, wanted: Wanted, target: Path) -> None:
     with stores.open_file(sight.recording) as stream:
-        contents = Contents(stream)
+        contents = Contents(stream, sight.recording.pk)
         topics = wanted.topics
         if not wanted.pictures:
             others = topics_without_pictures(contents)

@@ -1,17 +1,26 @@
-"""The contents of one recording: channels, times, messages of a window. Reads only the chunks that it needs."""
+"""The contents of one recording: channels, times, messages of a window. Reads only the chunks that it needs.
+
+The index of a long recording takes a second to read, and each request needs it: those of the last files stay in memory.
+"""
 
 from __future__ import annotations
 
+import os
 import struct
-from collections.abc import Collection, Iterator
+import threading
+from collections import OrderedDict
+from collections.abc import Collection, Hashable, Iterator
 from typing import BinaryIO, NamedTuple
 
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.summary import Summary
 
 PICTURES = frozenset({"sensor_msgs/Image", "sensor_msgs/CompressedImage"})
+
+
+MOST_KNOWN = 1_000_000  # entries of all indexes in memory, of about 64 bytes
 
 
 class Unreadable(Exception):
@@ -26,18 +35,58 @@ class Recorded(NamedTuple):
     message: Message
 
 
-class Contents:
-    """One file, open for reading. `stream` can seek. Raises `Unreadable`."""
+class Summaries:
+    """The indexes of the files that were read last. Thread-safe."""
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, most: int = MOST_KNOWN) -> None:
+        self._most = most
+        self._lock = threading.Lock()
+        self._known: OrderedDict[Hashable, tuple[Summary, int]] = OrderedDict()
+
+    def get(self, key: Hashable) -> Summary | None:
+        with self._lock:
+            if key not in self._known:
+                return None
+            self._known.move_to_end(key)
+            return self._known[key][0]
+
+    def put(self, key: Hashable, summary: Summary) -> None:
+        entries = sum(10 + len(index.message_index_offsets) for index in summary.chunk_indexes)
+        with self._lock:
+            self._known[key] = summary, entries
+            while sum(count for _, count in self._known.values()) > self._most and len(self._known) > 1:
+                self._known.popitem(last=False)
+
+
+_summaries = Summaries()
+
+
+class _Reader(SeekingReader):
+    """A reader that may know the index already."""
+
+    def know(self, summary: Summary | None) -> None:
+        self._summary = summary
+
+
+class Contents:
+    """One file, open for reading. `stream` can seek. Raises `Unreadable`.
+
+    `name` of the recording: its index stays in memory.
+    """
+
+    def __init__(self, stream: BinaryIO, name: Hashable = None) -> None:
+        key = name, stream.seek(0, os.SEEK_END)  # a file from which people were cut has another size
         stream.seek(0)
         try:
-            self._reader = make_reader(stream)
+            self._reader = _Reader(stream)
+            self._reader.know(_summaries.get(key))
             summary = self._reader.get_summary()
         except (McapError, ValueError, struct.error) as error:
             raise Unreadable(str(error)) from error
         if summary is None or summary.statistics is None:
             raise Unreadable("it has no summary: it was cut, and nobody has finished it")
+        if name is not None:
+            _summaries.put(key, summary)
         self.summary: Summary = summary
         self.messages_count = summary.statistics.message_count
         self.begins_ns = summary.statistics.message_start_time

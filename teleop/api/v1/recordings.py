@@ -168,7 +168,7 @@ class RecordingBase(ApiView):
         """Open the file. Raises `Problem`."""
         try:
             with stores.open_file(sight.recording) as stream:
-                yield Contents(stream)
+                yield Contents(stream, sight.recording.pk)
         except stores.FileAway as away:
             raise Problem(away.refusal, 503) from away
         except Unreadable as error:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import struct
 from pathlib import Path
+from unittest import mock
+from uuid import uuid4
 
 import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
 
 from robots.recordings.files.bag import NoBag, write_bag
-from robots.recordings.files.contents import Contents, Unreadable
+from robots.recordings.files.contents import Contents, Summaries, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
 from tests.robots.recordings.samples import SECOND, sample
@@ -82,3 +84,20 @@ def test_a_bag_has_the_same_messages(tmp_path: Path) -> None:
 def test_messages_of_ros_2_make_no_bag(tmp_path: Path) -> None:
     with pytest.raises(NoBag):
         write_bag(Contents(sample(1, "cdr")), tmp_path / "one.bag")
+
+
+def test_the_index_of_a_file_is_read_once() -> None:
+    name, stream = uuid4(), sample()
+    first = Contents(stream, name)
+    with mock.patch("mcap.reader._read_summary_from_stream_reader", side_effect=AssertionError):
+        again = Contents(stream, name)
+        assert again.summary is first.summary
+        assert sum(1 for _ in again.messages(["/odom"])) == sum(1 for _ in first.messages(["/odom"])) > 0
+    assert Contents(sample(5), name).ends_ns < first.ends_ns  # people were cut from it
+
+
+def test_indexes_in_memory_are_bounded() -> None:
+    kept = Summaries(most=1)
+    for number in range(3):
+        kept.put(number, Contents(sample()).summary)
+    assert [kept.get(number) is not None for number in range(3)] == [False, False, True]
