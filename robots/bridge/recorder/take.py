@@ -55,6 +55,7 @@ class Take:
     ) -> None:
         self.about = about
         self.bytes = 0
+        self.index_bytes = 0
         self.dropped: Counter[Origin] = Counter()
         self.refusal: Refusal | None = None  # why it ended by itself
         self.free_bytes: int | None = None
@@ -123,7 +124,7 @@ class Take:
         result: TakenRecording | Refusal
         try:
             self._directory.prepare()
-            self._make_room(CHUNK_BYTES)
+            self._make_room()
             draft = self._directory.begin(self.about.kind, self.about.recording, self.about.begins)
         except NoRoom as full:
             self.refusal = result = full.refusal
@@ -139,8 +140,9 @@ class Take:
                 self.refusal = result = FAILED
         self._done(self, result)
 
-    def _make_room(self, more: int) -> None:
-        for removed in self._directory.make_room(more):
+    def _make_room(self) -> None:
+        waiting = self._waiting_bytes + sum(message.size for message in self._first)
+        for removed in self._directory.make_room(CHUNK_BYTES + waiting):
             self._removed(removed)
 
     def _write(self, draft: Draft) -> TakenRecording | Refusal:
@@ -151,6 +153,9 @@ class Take:
                 pass
         except NoRoom as full:
             self.refusal = full.refusal
+            if not self._counts:
+                self._directory.discard(draft)
+                return self.refusal
         except OSError as error:
             self.refusal = refusal_of(error)
             log.warning("%s: %s", draft.path.name, error)
@@ -171,13 +176,14 @@ class Take:
             if not self._ending:
                 self._lock.wait(FLUSH_S)
             ending = self._ending
-        self._make_room(CHUNK_BYTES + self._waiting_bytes + sum(message.size for message in self._first))
+        self._make_room()
         while (message := self._next()) is not None:
             self._add(file, message)
         self._note(file)
         file.flush()
         os.fsync(draft.stream)
-        self.bytes = file.at
+        self._directory.wrote(file.at - self.bytes)
+        self.bytes, self.index_bytes = file.at, file.summary.index_bytes
         self._written_s = time.monotonic()
         self.free_bytes = self._directory.free_bytes()
         return ending
@@ -233,6 +239,7 @@ class Take:
     def _finish(self, file: McapFile, draft: Draft) -> TakenRecording:
         pictures = (thumbnail_of(self._pictures[topic]) for topic in sorted(self._pictures))
         picture = next((one for one in pictures if one is not None), None)
+        self._pictures.clear()
         if picture is not None:
             draft.path.with_suffix(".jpg").write_bytes(picture)
         begins_s = self._begins_ns / 1e9 if self._begins_ns else self.about.begins

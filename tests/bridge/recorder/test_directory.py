@@ -62,6 +62,18 @@ def test_a_full_disk_takes_no_black_box_away(directory, monkeypatch) -> None:
     assert directory.free_bytes() == 0 and len(recordings(directory)) == 1
 
 
+def test_what_others_write_counts_with_the_next_count(directory, monkeypatch) -> None:
+    other = RecordingDirectory(directory.path, 100 * KILO)
+    assert directory.make_room(10 * KILO) == []
+    old = add(other, "black_box", 1e9, 60 * KILO)
+    directory.wrote(30 * KILO)
+    assert (
+        directory.make_room(60 * KILO) == []
+    )  # there were 30 kB by its own account; it counts before it removes
+    monkeypatch.setattr("robots.bridge.recorder.files.directory.COUNT_S", 0.0)
+    assert directory.make_room(60 * KILO) == [old]
+
+
 def test_a_row_is_asked_for_until_it_is_stored(directory) -> None:
     first, second = add(directory, "by_hand", 1e9), add(directory, "by_hand", 2e9)
     directory.stored(first)

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 
 from robots.bridge.recorder import take
 from robots.bridge.recorder.clock import RecordingClock
-from robots.bridge.recorder.files import finished_files
+from robots.bridge.recorder.files import finished_files, recovery
 from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.bridge.recorder.ring import Message, Origin
 from robots.bridge.recorder.take import Take
@@ -165,3 +165,52 @@ def test_a_time_of_day_that_is_set_does_not_jump_in_the_file(directory) -> None:
     with (directory.path / taken.name).open("rb") as stream:
         notes = [one.metadata for one in make_reader(stream).iter_metadata() if one.name == take.CLOCK]
     assert [round(float(note["time_of_day_ahead_s"])) for note in notes] == [-3600, 0]
+
+
+def test_the_directory_is_not_walked_each_second(directory) -> None:
+    recording = Recording(directory)
+    recording.put()
+    recording.writes()
+    with patch("robots.bridge.recorder.files.directory.os.scandir", side_effect=AssertionError):
+        with patch.object(Path, "iterdir", side_effect=AssertionError):
+            for _ in range(3):
+                recording.put()
+                recording.writes()
+        free = recording.take.free_bytes
+    recording.take.end()
+    assert free is not None and 4000 <= 10**9 - free <= recording.result().bytes
+
+
+def test_a_quota_without_room_leaves_no_empty_file(tmp_path: Path) -> None:
+    directory = RecordingDirectory(tmp_path / "recordings", 6_000_000)
+    recording = Recording(directory, first=[Message(SCAN, 0, 0, bytes(1_000_000)) for _ in range(10)])
+    assert recording.result().code == "quota_full" and not recording.take.is_open
+    recording = Recording(directory)
+    until(lambda: recording.take.is_open, "the file")
+    with patch.object(directory, "_free_on_disk", return_value=0):
+        recording.put()
+        assert recording.result().code == "disk_full"
+    assert list(directory.path.iterdir()) == []
+
+
+def test_too_little_memory_is_no_end_of_a_file(directory) -> None:
+    recording = Recording(directory)
+    for _ in range(3):
+        recording.put()
+        recording.writes()
+    with patch("robots.bridge.recorder.take.os.fsync", side_effect=OSError(28, "No space left on device")):
+        recording.put()
+        recording.result()
+    (path,) = directory.path.glob("*.part")
+    size = path.stat().st_size
+    decompress = recovery.zstandard.decompress
+    with patch.object(recovery.zstandard, "decompress") as unpacked:
+        unpacked.side_effect = lambda *given: decompress(*given) if unpacked.call_count < 2 else no_memory()
+        assert list(finished_files.finish_cut(directory)) == []
+    assert path.stat().st_size == size
+    assert len(list(finished_files.finish_cut(directory))) == 1
+    assert messages(path.with_suffix(".mcap")) == 4
+
+
+def no_memory() -> None:
+    raise MemoryError

@@ -24,6 +24,7 @@ from robots.shared.wire import RecordingKind, Refusal
 FILE, PART, NEW, KEPT, PICTURE = ".mcap", ".part", ".new", ".kept", ".jpg"
 # Written to the end if the disk fills otherwise: a second of data, and the summary
 RESERVE_BYTES = 64 * 1024 * 1024
+COUNT_S = 10.0  # between two counts of all files: other processes write there, too
 _NAME = re.compile(
     r"(\d{8}T\d{6}Z)-(black_box|by_hand|booking)-([0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12})"
 )
@@ -81,6 +82,8 @@ class RecordingDirectory:
         self.path = path
         self._quota_bytes = quota_bytes
         self._least_free_bytes = max(least_free_bytes, RESERVE_BYTES)
+        self._counted_bytes = 0
+        self._counted_s = float("-inf")
 
     def prepare(self) -> None:
         """Make sure that the directory exists. Its parent must: a disk that is not mounted is no directory."""
@@ -108,6 +111,11 @@ class RecordingDirectory:
         finally:
             os.close(folder)
         return finished
+
+    def discard(self, draft: Draft) -> None:
+        """Remove a file that has nothing in it."""
+        draft.path.unlink(missing_ok=True)
+        draft.stream.close()
 
     def stored(self, recording: UUID) -> None:
         """Note that a recording has its row."""
@@ -176,8 +184,10 @@ class RecordingDirectory:
         """
         if self._free_on_disk() < more:
             raise NoRoom(DISK_FULL)
+        if self._used() + more <= self._quota_bytes:
+            return []
         removed = []
-        used = self._used()
+        used = self._count()
         entries = iter(self.entries())
         while used + more > self._quota_bytes:
             oldest = next((one for one in entries if one.kind == "black_box" and not one.kept), None)
@@ -191,18 +201,31 @@ class RecordingDirectory:
             self._remove(oldest.path)
             removed.append(oldest.recording)
             used -= oldest.bytes
+        self._counted_bytes = used
         return removed
+
+    def wrote(self, more: int) -> None:
+        """Note that files have grown."""
+        self._counted_bytes += more
 
     def free_bytes(self) -> int:
         """Return how much may still be written without the removal of a black box."""
         return max(0, min(self._quota_bytes - self._used(), self._free_on_disk()))
 
     def _used(self) -> int:
+        """Return the size of all files, as of the last count."""
+        if time.monotonic() - self._counted_s > COUNT_S:
+            self._count()
+        return self._counted_bytes
+
+    def _count(self) -> int:
+        """Return the size of all files now."""
         used = 0
         with os.scandir(self.path) as entries:
             for entry in entries:
                 with suppress(FileNotFoundError):
                     used += entry.stat().st_size
+        self._counted_bytes, self._counted_s = used, time.monotonic()
         return used
 
     def _free_on_disk(self) -> int:

@@ -39,6 +39,10 @@ def finish_cut(directory: RecordingDirectory) -> Iterator[UUID]:
                 log.warning("%s is finished later: %s", draft.path.name, error)
                 continue
             raise
+        except MemoryError:
+            draft.stream.close()
+            log.warning("%s is finished later: there is too little memory", draft.path.name)
+            continue
         if taken is None:
             log.warning("%s has nothing in it, and is removed", draft.path.name)
             draft.path.unlink(missing_ok=True)

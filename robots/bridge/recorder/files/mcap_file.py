@@ -35,6 +35,7 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = "fleet console"
 MOST_CHANNELS = 65_000  # ids have two bytes
+_INDEX_BYTES, _OFFSET_BYTES = 600, 64  # memory of a chunk's index, and of each channel in it
 _LEVEL = 1  # of zstd: pictures do not shrink, and everything else shrinks well enough
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _FIXED = _MESSAGE.size - 9  # of the length
@@ -62,10 +63,12 @@ class FileSummary(Summary):
     def __init__(self) -> None:
         super().__init__()
         self.statistics: Statistics = Statistics(0, 0, defaultdict(int), 0, 0, 0, 0, 0, 0)
+        self.index_bytes = 0  # memory of the indexes of chunks, roughly
 
     def add_chunk(self, index: ChunkIndex, counts: Mapping[int, int]) -> None:
         """Note a chunk. `counts`: its messages of each channel."""
         self.chunk_indexes.append(index)
+        self.index_bytes += _INDEX_BYTES + _OFFSET_BYTES * len(index.message_index_offsets)
         stands = self.statistics
         first = stands.message_count == 0
         begins, ends = index.message_start_time, index.message_end_time

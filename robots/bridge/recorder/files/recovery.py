@@ -139,7 +139,7 @@ class _Finder:
                     )
                 case Opcode.CHUNK:
                     self._take_chunk(record)
-        except _Cut:
+        except (_Cut, MemoryError):  # the latter says nothing about the file
             raise
         except Exception as error:  # the library raises many kinds at bytes that are none of its records
             raise _Cut from error
