@@ -142,7 +142,7 @@ class LinkHandler:
             case wire.LinkRecordEnd(recording=recording):
                 self._answer(link, message, self._recorder.end(recording))
             case wire.LinkKeep():
-                self._answer(link, message, self._recorder.keep(message))
+                self._recorder.keep(message, partial(self._answer, link, message))
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by, now_s))
             case order if isinstance(order, wire.TaskRequest):

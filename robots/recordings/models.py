@@ -58,6 +58,7 @@ class Recording(models.Model):
     events = models.JSONField(_("events"), default=list)  # of `KeptEvent`
     bytes = models.BigIntegerField(_("size"), default=0)
     dropped = models.PositiveIntegerField(default=0)  # messages that are missing in it
+    left_out = models.PositiveIntegerField(default=0)  # topics that are not in it: there were too many
     cut = models.BooleanField(default=False)
     ended_by = models.CharField(
         max_length=300, blank=True

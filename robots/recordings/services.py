@@ -34,6 +34,7 @@ def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
             "events": msgspec.to_builtins(taken.events),
             "bytes": taken.bytes,
             "dropped": taken.dropped,
+            "left_out": taken.left_out,
             "cut": taken.cut,
             "ended_by": taken.ended_by[:300],
             "continues": taken.continues,

@@ -68,10 +68,13 @@ def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
     sight = sight_of(person, found) if found else None
     if found is None or sight is None:
         raise Http404("There is no such recording, or you may not see it.")
+    others = recordings_of(person)
     shares = found.shares.select_related("person", "course") if sight.may_change else []
     context = {
         "recording": found,
         "sight": sight,
+        "earlier": others.filter(pk=found.continues) if found.continues else [],
+        "later": others.filter(continues=found.pk),
         "lasts": duration_text((found.ends_at - found.begins_at).total_seconds()),
         "sessions": list(_sessions(sight, person.pk)),
         "shares": shares,

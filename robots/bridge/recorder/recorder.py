@@ -23,10 +23,13 @@ from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.bridge.recorder.recorder_messages import (
     Begin,
     Begun,
+    Continued,
     End,
     Finished,
     Happened,
     InControl,
+    Kept,
+    Lost,
     Over,
     Progress,
     RecorderRequest,
@@ -36,11 +39,11 @@ from robots.bridge.recorder.recorder_messages import (
     goes_on,
     origin_of,
 )
-from robots.bridge.recorder.ring import Message, Origin, Ring, picture_gap_s
+from robots.bridge.recorder.ring import Latched, Message, Origin, Ring, picture_gap_s
 from robots.bridge.recorder.take import Take
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace, Topics
-from robots.shared.records.record_sink import KeptEvent, TakenRecording
+from robots.shared.records.record_sink import TakenRecording
 from robots.shared.sentences import say
 from robots.shared.wire import BlackBoxState, RecordingState, Refusal
 
@@ -66,9 +69,18 @@ class _Order(NamedTuple):
     """A recording on request."""
 
     order: wire.LinkRecord
-    take: Take
+    takes: tuple[Take, ...]  # its files; the last one is being written
+    latched: Latched  # what the next file begins with
     began_s: float
     ends_s: float
+
+    @property
+    def take(self) -> Take:
+        return self.takes[-1]
+
+    @property
+    def bytes(self) -> int:
+        return sum(take.bytes for take in self.takes)
 
 
 class _Box(NamedTuple):
@@ -105,6 +117,7 @@ class Recorder:
         self._order: _Order | None = None
         self._ended: tuple[RecordingState, float] | None = None  # the last recording, if it ended by a fault
         self._takes: set[Take] = set()  # that are not finished
+        self._happened: list[tuple[int, Take]] = []  # events whose file is not open yet
         self._numbers: dict[str, int] = {}  # of the bridge's messages
         self._rate = (0.0, 0, 0.0)  # time and bytes of the last measurement, and the rate
 
@@ -118,14 +131,26 @@ class Recorder:
                 if kept and self._box is not None:
                     self._box.take.put(message)
                 self._notice_contact(message)
-            if self._order is not None and self._is_recorded(message.origin):
+            if self._order is not None and _is_recorded(message.origin, self._order.order):
                 self._order.take.put(message)
+                if message.origin.latched:
+                    self._order.latched.put(message)
 
     def missed(self, origin: Origin, count: int) -> None:
         """Count messages that were lost before they arrived."""
         with self._lock:
-            if self._order is not None and self._is_recorded(origin):
+            if self._ring is not None and self._is_boxed(origin):
+                self._ring.missed(origin, count, time.monotonic_ns())
+                if self._box is not None:
+                    self._box.take.missed(origin, count)
+            if self._order is not None and _is_recorded(origin, self._order.order):
                 self._order.take.missed(origin, count)
+
+    def left_out(self, count: int) -> None:
+        """Note that so many topics are not read: there are too many."""
+        with self._lock:
+            if self._order is not None:
+                self._order.take.leave_out(count)
 
     def _is_boxed(self, origin: Origin) -> bool:
         return (
@@ -139,14 +164,6 @@ class Recorder:
         if reports_contact(topic, type_) and self._contacts.begins(topic, type_, message.data, message.at_ns):
             self._keep(Happened("contact", message.at_ns, say("{topic} reports a contact.", topic=topic)))
 
-    def _is_recorded(self, origin: Origin) -> bool:
-        topics = self._order.order.topics if self._order is not None else []
-        if not origin.publisher:  # what the chain says is part of each recording
-            return True
-        if isinstance(topics, list):
-            return origin.topic in topics
-        return topics == "all" or not origin.is_picture
-
     # --- lines of the bridge ---------------------------------------------------------------------------
 
     def handle_line(self, line: bytes) -> None:
@@ -155,6 +172,8 @@ class Recorder:
             case Said() as said:
                 number = self._numbers[said.topic] = self._numbers.get(said.topic, 0) + 1
                 self.arrived(Message(origin_of(said.topic), number, said.at_ns, bytes(said.message)))
+            case Lost(topic=topic, count=count):
+                self.missed(origin_of(topic), count)
             case InControl() as control:
                 self._take_control(control)
             case Happened() as happened:
@@ -182,43 +201,64 @@ class Recorder:
     def _keep(self, happened: Happened) -> None:
         """Keep what was before an event, and what follows."""
         now_s = time.monotonic()
-        clock = RecordingClock()
-        event = KeptEvent(happened.event, clock.log_ns(happened.at_ns) / 1e9, happened.text, happened.by)
         with self._lock:
             if self._ring is None:
                 return
             box = self._box
-            if box is not None and now_s + AFTER_S <= box.began_s + LONGEST_BOX_S:
-                box.take.about = structs.replace(box.take.about, events=[*box.take.about.events, event])
-                self._box = box._replace(ends_s=now_s + AFTER_S)
-                self._box_state = structs.replace(
-                    self._box_state, keeps=happened.event, kept=self._box_state.kept + 1
-                )
-                return
-            if box is not None:
-                box.take.end()
-            about = TakenRecording(
-                recording=uuid4(),
-                robot=self._robot,
-                kind="black_box",
-                begins=event.at - BEFORE_S,
-                ends=event.at,
-                bytes=0,
-                directory=str(self.directory.path),
-                name="",
-                topics=[],
-                events=[event],
-                person=happened.person or self._control.person,
-                session=self._control.session,
-                version=self._version,
-            )
-            take = Take(self.directory, about, clock, self._box_done, self._removed)
-            self._takes.add(take)
-            take.start(self._ring.since(happened.at_ns - int(BEFORE_S * 1e9)))
-            self._box = _Box(take, now_s, now_s + AFTER_S)
+            if box is None or box.take.refusal is not None or now_s + AFTER_S > box.began_s + LONGEST_BOX_S:
+                if box is not None:
+                    box.take.end()
+                box = _Box(self._open_box(happened, self._ring), now_s, now_s)
+            else:
+                box.take.mark(happened.event, happened.at_ns, happened.text, happened.by)
+            self._box = box._replace(ends_s=now_s + AFTER_S)
+            self._happened.append((happened.at_ns, box.take))
             self._box_state = structs.replace(
                 self._box_state, keeps=happened.event, kept=self._box_state.kept + 1, refusal=None
             )
+        if box.take.is_open:
+            self._answer(box.take, None)
+
+    def _open_box(self, happened: Happened, ring: Ring) -> Take:
+        clock = RecordingClock()
+        from_ns = happened.at_ns - int(BEFORE_S * 1e9)
+        begins = clock.log_ns(from_ns) / 1e9
+        about = TakenRecording(
+            recording=uuid4(),
+            robot=self._robot,
+            kind="black_box",
+            begins=begins,
+            ends=begins,
+            bytes=0,
+            directory=str(self.directory.path),
+            name="",
+            topics=[],
+            person=happened.person or self._control.person,
+            session=self._control.session,
+            version=self._version,
+        )
+        take = Take(
+            self.directory,
+            about,
+            clock,
+            self._box_done,
+            self._removed,
+            opened=lambda: self._answer(take, None),
+        )
+        take.mark(happened.event, happened.at_ns, happened.text, happened.by)
+        for origin, count in ring.missing_since(from_ns).items():
+            take.missed(origin, count)
+        self._takes.add(take)
+        take.start(ring.since(from_ns))
+        return take
+
+    def _answer(self, take: Take, refusal: Refusal | None) -> None:
+        """Tell whether the events of a box are kept."""
+        with self._lock:
+            told = [at_ns for at_ns, whose in self._happened if whose is take]
+            self._happened = [one for one in self._happened if one[1] is not take]
+        for at_ns in told:
+            self._say(Kept(at_ns, refusal))
 
     def _begin(self, order: wire.LinkRecord, continues: UUID | None) -> None:
         with self._lock:
@@ -227,56 +267,71 @@ class Recorder:
                 self._say(Begun(order.recording, goes_on(going.by, going.recording)))
                 return
             now_s = time.monotonic()
-            begins = time.time()
-            about = TakenRecording(
-                recording=order.recording,
-                robot=self._robot,
-                kind=order.kind,
-                begins=begins,
-                ends=begins,
-                bytes=0,
-                directory=str(self.directory.path),
-                name="",
-                topics=[],
-                person=order.person,
-                session=order.session,
-                booking=order.booking,
-                course=order.course,
-                reason=order.reason,
-                version=self._version,
-                continues=continues,
-            )
-            take = Take(
-                self.directory,
-                about,
-                RecordingClock(),
-                self._order_done,
-                self._removed,
-                opened=lambda: self._say(Begun(order.recording)),
-            )
             self._ended = None
             self._rate = (now_s, 0, 0.0)
-            self._order = _Order(order, take, now_s, now_s + order.seconds)
-            self._takes.add(take)
-            take.start(self._latched_now())
+            latched = Latched()
+            for message in self._latched_now(order):
+                latched.put(message)
+            take = self._open_order(order, continues, latched)
+            self._order = _Order(order, (take,), latched, now_s, now_s + order.seconds)
             self._follow_wanted()
+
+    def _open_order(self, order: wire.LinkRecord, continues: UUID | None, latched: Latched) -> Take:
+        begins = time.time()
+        about = TakenRecording(
+            recording=order.recording,
+            robot=self._robot,
+            kind=order.kind,
+            begins=begins,
+            ends=begins,
+            bytes=0,
+            directory=str(self.directory.path),
+            name="",
+            topics=[],
+            person=order.person,
+            session=order.session,
+            booking=order.booking,
+            course=order.course,
+            reason=order.reason,
+            version=self._version,
+            continues=continues,
+        )
+        take = Take(
+            self.directory,
+            about,
+            RecordingClock(),
+            self._order_done,
+            self._removed,
+            opened=lambda: self._say(Begun(order.recording)),
+        )
+        self._takes.add(take)
+        take.start(latched)
+        return take
+
+    def _go_on(self, going: _Order) -> Take:
+        """Begin the next file of a recording; return the full one, which is to be ended."""
+        order = structs.replace(going.order, recording=uuid4())
+        take = self._open_order(order, going.take.about.recording, going.latched)
+        self._order = going._replace(order=order, takes=(*going.takes, take))
+        return going.take
 
     def _end(self, recording: UUID, why: str) -> None:
         """End a recording: the next one may begin while its file is finished."""
         with self._lock:
-            if self._order is not None and self._order.order.recording == recording:
-                self._order.take.end(why)
+            going = self._order
+            if going is not None and any(take.about.recording == recording for take in going.takes):
+                going.take.end(why)
                 self._order = None
                 self._follow_wanted()
 
-    def _latched_now(self) -> list[Message]:
+    def _latched_now(self, order: wire.LinkRecord) -> list[Message]:
         """Return the latched messages that the ring has: their topics are read already, and send nothing again."""
         if self._ring is None:
             return []
         return [
             message
             for message in self._ring.since(time.monotonic_ns())
-            if self._is_recorded(message.origin) and message.origin.latched
+            if message.origin.latched and _is_recorded(message.origin, order)
         ]
 
     # --- the clock -------------------------------------------------------------------------------------
@@ -284,46 +339,50 @@ class Recorder:
     def tick(self) -> None:
         """End what is over, and tell the bridge what goes on. Called each second."""
         now_s = time.monotonic()
+        full: Take | None = None
         with self._lock:
             if self._order is not None and now_s >= self._order.ends_s:
                 self._order.take.end(say("The time for it was over."))
+            elif self._order is not None and self._order.take.is_full:
+                full = self._go_on(self._order)
             if self._box is not None and now_s >= self._box.ends_s:
                 self._box.take.end()
+                self._box = None  # an event that follows has a file of its own
+                self._box_state = structs.replace(self._box_state, keeps=None)
             box_ends = not self._control.person and now_s >= self._box_until_s and self._box is None
             if self._ring is not None and box_ends:
                 self._ring = None
                 self._box_state = BlackBoxState()
                 self._follow_wanted()
             progress = Progress(self._recording_state(now_s), self._black_box_state())
+            going = self._order
+        if full is not None and going is not None:
+            self._say(Continued(full.about.recording, going.take.about.recording))
+            full.end()  # now: `Over` of it comes after that
         self._say(progress)
-
-    @property
-    def is_needed(self) -> bool:
-        """Return whether anything goes on."""
-        with self._lock:
-            return self._ring is not None or self._order is not None or self._box is not None
 
     def _recording_state(self, now_s: float) -> RecordingState | None:
         if self._order is None:
             if self._ended is not None and now_s - self._ended[1] < TOLD_S:
                 return self._ended[0]
             return None
-        order, take, began_s, ends_s = self._order
+        order, take, size = self._order.order, self._order.take, self._order.bytes
         before_s, before, _ = self._rate
-        if now_s - before_s >= 1.0 and take.bytes != before:
-            self._rate = (now_s, take.bytes, (take.bytes - before) / (now_s - before_s))
+        if now_s - before_s >= 1.0 and size != before:
+            self._rate = (now_s, size, (size - before) / (now_s - before_s))
         return RecordingState(
             recording=order.recording,
             kind=order.kind,
             by=order.by,
             topics=order.topics[:MOST_SHOWN] if isinstance(order.topics, list) else order.topics,
             topics_more=max(len(order.topics) - MOST_SHOWN, 0) if isinstance(order.topics, list) else 0,
-            since_s=round(now_s - began_s, 1),
-            left_s=round(max(ends_s - now_s, 0.0), 1),
-            bytes=take.bytes,
+            since_s=round(now_s - self._order.began_s, 1),
+            left_s=round(max(self._order.ends_s - now_s, 0.0), 1),
+            bytes=size,
             bytes_per_s=round(self._rate[2]),
             free_bytes=take.free_bytes,
-            dropped=take.dropped.total(),
+            left_out=take.about.left_out,
+            dropped=sum(one.dropped.total() for one in self._order.takes),
             refusal=take.trouble,
         )
 
@@ -357,9 +416,10 @@ class Recorder:
             if self._box is not None and self._box.take is take:
                 self._box = None
                 self._box_state = structs.replace(self._box_state, keeps=None)
-            refusal = result if isinstance(result, Refusal) else take.refusal
+            refusal = (result if isinstance(result, Refusal) else take.refusal) or self._box_state.refusal
             dropped = self._box_state.dropped + take.dropped.total()
             self._box_state = structs.replace(self._box_state, refusal=refusal, dropped=dropped)
+        self._answer(take, take.refusal)
         self._report(result)
 
     def _order_done(self, take: Take, result: TakenRecording | Refusal) -> None:
@@ -370,7 +430,8 @@ class Recorder:
             self._takes.discard(take)
             if self._order is not None and self._order.take is take:
                 now_s = time.monotonic()
-                if take.is_open and take.refusal is not None and (state := self._recording_state(now_s)):
+                had_begun = take.is_open or take.about.continues is not None
+                if had_begun and take.refusal is not None and (state := self._recording_state(now_s)):
                     self._ended = structs.replace(state, left_s=0.0), now_s
                 self._order = None
                 self._follow_wanted()
@@ -408,6 +469,14 @@ class Recorder:
         until_s = time.monotonic() + within_s
         for take in takes:
             take.join(max(until_s - time.monotonic(), 0.0))
+
+
+def _is_recorded(origin: Origin, order: wire.LinkRecord) -> bool:
+    if not origin.publisher:  # what the chain says is part of each recording
+        return True
+    if isinstance(order.topics, list):
+        return origin.topic in order.topics
+    return order.topics == "all" or not origin.is_picture
 
 
 def box_topics(topics: Topics) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """The bridge's client of its recorder: a process that runs while somebody has control, or a recording goes on.
 
-The bridge waits for nothing: lines that the process does not take in time are dropped, and counted.
+The bridge waits for nothing: what the chain says is dropped, and counted, if the process does not take it in time.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import contextlib
 import logging
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -31,10 +31,13 @@ from robots.bridge.recorder.recorder_messages import (
     Begun,
     ChainEvent,
     Command,
+    Continued,
     End,
     Finished,
     Happened,
     InControl,
+    Kept,
+    Lost,
     Over,
     Progress,
     RecorderReport,
@@ -60,6 +63,7 @@ LINGER_S = 60.0  # until an unused process ends
 LOOK_S = 60.0  # an unneeded process lives so long, to finish and report the files of an earlier one
 VIEW_GAP_S = 0.09  # between two views
 MOST_SAID = 2000  # messages that wait for the next tick
+MOST_WAITING = 500  # requests that wait for a process that reads slowly
 
 NO_RECORDINGS = Refusal(
     "no_recordings", "Recordings are switched off on the computer of this robot’s bridge.", "robot"
@@ -94,11 +98,13 @@ class RecorderClient:
         self._order: tuple[wire.LinkRecord, float] | None = None  # and when it ends (s, monotonic)
         self._present: UUID | None = None  # the file that the order writes now
         self._answer: tuple[Answer, asyncio.TimerHandle] | None = None
-        self._said: deque[tuple[str, int, Struct]] = deque(maxlen=MOST_SAID)
+        self._keeping: dict[int, tuple[Answer, asyncio.TimerHandle]] = {}  # by the time of the event
+        self._said: deque[tuple[str, int, Struct]] = deque()
         self._viewed_s = float("-inf")
         self._needed_until_s = float("-inf")
         self._heard_s = float("-inf")
-        self._dropped = 0  # lines
+        self._waiting: deque[bytes] = deque()  # requests
+        self._lost: Counter[str] = Counter()  # messages, by topic: the process does not know it yet
         self._recording: RecordingState | None = None
         self._black_box: BlackBoxState | None = None
         self._storing: set[UUID] = set()
@@ -136,17 +142,31 @@ class RecorderClient:
         self._order = None
         return None
 
-    def keep(self, order: wire.LinkKeep) -> Refusal | None:
-        """Keep what was before now."""
+    def keep(self, order: wire.LinkKeep, answer: Answer) -> None:
+        """Keep what was before now; `answer` is called once."""
         if self._place is None:
-            return NO_RECORDINGS
-        if self._black_box is None:
-            return NO_BOX
+            answer(NO_RECORDINGS)
+        elif self._black_box is None:
+            answer(NO_BOX)
+        elif not self._child.listens:
+            answer(_ENDED)
+        else:
+            at_ns = time.monotonic_ns()
+            timer = asyncio.get_running_loop().call_later(ANSWER_S, self._kept, at_ns, _SILENT)
+            self._keeping[at_ns] = answer, timer
+            self._keep(order, at_ns)
+
+    def _keep(self, order: wire.LinkKeep, at_ns: int) -> None:
         text = say("{by} kept this: {reason}", by=order.by, reason=order.reason) if order.reason else ""
         text = text or say("{by} kept this.", by=order.by)
-        self._send(Happened("keep", time.monotonic_ns(), text, order.by, order.person))
+        self._send(Happened("keep", at_ns, text, order.by, order.person))
         self._say(EVENT, ChainEvent("keep", text, order.by))
-        return None
+
+    def _kept(self, at_ns: int, refusal: Refusal | None) -> None:
+        if at_ns in self._keeping:
+            answer, timer = self._keeping.pop(at_ns)
+            timer.cancel()
+            answer(refusal)
 
     # --- what the bridge tells ------------------------------------------------------------------------
 
@@ -163,6 +183,8 @@ class RecorderClient:
             self._send(_in_control(grant))
             event = "control_ends" if grant is None else "control_begins"
             self._say(EVENT, ChainEvent(event, by=(grant or before or _NOBODY).holder))
+        if not self._child.listens:
+            self._let_go(now_s)
         if self._needs:
             self._needed_until_s = max(self._needed_until_s, now_s + LINGER_S)
         elif self._child.listens and now_s >= self._needed_until_s:
@@ -222,23 +244,37 @@ class RecorderClient:
 
     def _say(self, topic: str, message: Struct) -> None:
         if self._child.listens:
+            if len(self._said) >= MOST_SAID:
+                self._lost[self._said.popleft()[0]] += 1
             self._said.append((topic, time.monotonic_ns(), message))
 
     def _flush(self) -> None:
         """Write what was said since the last tick, in one write."""
-        if not self._said:
+        self._send_waiting()
+        if not self._said and not self._lost:
             return
-        lines = []
-        while self._said:
-            topic, at_ns, message = self._said.popleft()
+        lines = [wire.encode(Lost(topic, count)) for topic, count in self._lost.items()]
+        for topic, at_ns, message in self._said:
             lines.append(wire.encode(Said(topic, at_ns, msgspec.Raw(wire.encode(message)))))
-        if not self._child.offer(b"\n".join(lines)):
-            self._dropped += len(lines)
-            log.warning("%d lines were dropped: the recorder does not read them", len(lines))
+        if self._child.offer(b"\n".join(lines)):
+            self._lost.clear()
+        else:
+            if not self._lost:
+                log.warning("messages are dropped: the recorder does not read them")
+            self._lost.update(topic for topic, _, _ in self._said)
+        self._said.clear()
 
     def _send(self, message: Struct) -> None:
-        if self._child.listens and not self._child.offer(wire.encode(message)):
-            self._dropped += 1
+        """Send a request: it waits for a process that reads slowly."""
+        if self._child.listens:
+            self._waiting.append(wire.encode(message))
+            self._send_waiting()
+
+    def _send_waiting(self) -> None:
+        while self._waiting and self._child.offer(self._waiting[0]):
+            self._waiting.popleft()
+        if len(self._waiting) > MOST_WAITING:
+            self._child.kill("it does not read its input")
 
     def _stay(self, seconds: float) -> None:
         self._needed_until_s = max(self._needed_until_s, time.monotonic() + seconds)
@@ -246,6 +282,8 @@ class RecorderClient:
 
     def _unanswered(self) -> None:
         self._order = None
+        if self._present is not None:
+            self._send(End(self._present))  # it may begin after all
         self._answered(_SILENT)
 
     def _answered(self, refusal: Refusal | None) -> None:
@@ -271,14 +309,20 @@ class RecorderClient:
         self._heard_s = now_s + START_S - SILENCE_S
         if self._control is not None:
             self._send(_in_control(self._control))
+        self._let_go(now_s)
         if self._order is not None:
             order, ends_s = self._order
             continues = self._present if self._answer is None else None
             if continues is not None:
                 order = structs.replace(order, recording=uuid4())
             self._present = order.recording
-            if ends_s > now_s:
-                self._send(Begin(structs.replace(order, seconds=ends_s - now_s), continues))
+            self._send(Begin(structs.replace(order, seconds=ends_s - now_s), continues))
+
+    def _let_go(self, now_s: float) -> None:
+        """Forget a recording whose time was over while no process was there."""
+        if self._order is not None and now_s >= self._order[1]:
+            self._order = self._recording = None
+            self._answered(_SILENT)
 
     def handle_line(self, line: bytes) -> None:
         """Take a report."""
@@ -292,6 +336,10 @@ class RecorderClient:
                     if self._answer is None and self._recording is not None:  # it went on in a new process
                         self._recording = structs.replace(self._recording, refusal=refusal)
                 self._answered(refusal)
+            case Kept(at_ns=at_ns, refusal=refusal):
+                self._kept(at_ns, refusal)
+            case Continued(recording=recording, by=following) if recording == self._present:
+                self._present = following
             case Over(recording=recording) if recording == self._present:
                 self._order = None
             case Finished(taken=taken):
@@ -302,9 +350,9 @@ class RecorderClient:
     def _progressed(self, recording: RecordingState | None, black_box: BlackBoxState | None) -> None:
         """Take what goes on. A new process says nothing before it has read its requests."""
         if recording is not None:
-            self._recording = structs.replace(recording, dropped=recording.dropped + self._dropped)
+            self._recording = recording
         elif self._order is None:
-            self._recording, self._dropped = None, 0
+            self._recording = None
         if black_box is not None or self._control is None:
             self._black_box = black_box
 
@@ -330,6 +378,10 @@ class RecorderClient:
         """Note that the process ended. What it recorded is finished by the next one."""
         ended = _ENDED if self._needs else None
         self._said.clear()
+        self._lost.clear()
+        self._waiting.clear()
+        for at_ns in list(self._keeping):
+            self._kept(at_ns, _ENDED)
         if self._recording is not None:
             self._recording = structs.replace(self._recording, refusal=ended) if ended else None
         if self._black_box is not None:

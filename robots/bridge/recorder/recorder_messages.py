@@ -69,7 +69,7 @@ class InControl(Struct, frozen=True, tag_field="t", tag="control"):
 
 
 class Happened(Struct, frozen=True, tag_field="t", tag="happened"):
-    """An event that the black box keeps. `person`: who asked for it, if it is not who has control."""
+    """An event that the black box keeps. `person`: who asked for it, if it is not who has control. Answer: `Kept`."""
 
     event: RecordingEvent
     at_ns: int
@@ -92,13 +92,20 @@ class End(Struct, frozen=True, tag_field="t", tag="end"):
     why: str = ""
 
 
+class Lost(Struct, frozen=True, tag_field="t", tag="lost"):
+    """Messages on one of `CHANNELS` that were not sent: they would have waited too long."""
+
+    topic: str
+    count: int
+
+
 class Stored(Struct, frozen=True, tag_field="t", tag="stored"):
     """The recording has its row: do not report it again."""
 
     recording: UUID
 
 
-RecorderRequest = Said | InControl | Happened | Begin | End | Stored
+RecorderRequest = Said | Lost | InControl | Happened | Begin | End | Stored
 
 # --- from the recorder -------------------------------------------------------------------------------
 
@@ -115,6 +122,20 @@ class Begun(Struct, frozen=True, tag_field="t", tag="begun"):
 
     recording: UUID
     refusal: Refusal | None = None
+
+
+class Kept(Struct, frozen=True, tag_field="t", tag="kept"):
+    """The event of this time is being kept, or why it cannot be."""
+
+    at_ns: int
+    refusal: Refusal | None = None
+
+
+class Continued(Struct, frozen=True, tag_field="t", tag="continued"):
+    """A recording goes on in a new file: this one is full."""
+
+    recording: UUID
+    by: UUID
 
 
 class Over(Struct, frozen=True, tag_field="t", tag="over"):
@@ -135,7 +156,7 @@ class Removed(Struct, frozen=True, tag_field="t", tag="removed"):
     recording: UUID
 
 
-RecorderReport = Progress | Begun | Over | Finished | Removed
+RecorderReport = Progress | Begun | Kept | Continued | Over | Finished | Removed
 
 
 def goes_on(by: str, recording: UUID) -> Refusal:

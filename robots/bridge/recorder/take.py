@@ -19,14 +19,15 @@ from robots.bridge.recorder.files.mcap_file import CHUNK_BYTES, MOST_CHANNELS, M
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
 from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
-from robots.shared.records.record_sink import RecordedTopic, TakenRecording
-from robots.shared.wire import Refusal
+from robots.shared.records.record_sink import KeptEvent, RecordedTopic, TakenRecording
+from robots.shared.wire import RecordingEvent, Refusal
 
 log = logging.getLogger(__name__)
 
 FLUSH_S = 1.0  # what is lost if the computer loses its power
 MOST_WAITING_BYTES = 24 * 1024 * 1024  # in memory, for the disk
 MOST_PICTURES = 8  # topics, of which one becomes the small picture beside the file
+MOST_INDEX_BYTES = 32 * 1024 * 1024  # of the index in memory: a file with more of it is opened slowly
 SLOW_S = 3.0  # a disk that takes longer for a second of data is too slow
 ABOUT, DROPPED, CLOCK = "fleet", "fleet_dropped", "fleet_clock"  # names of metadata
 
@@ -99,6 +100,17 @@ class Take:
         with self._lock:
             self.dropped[origin] += count
 
+    def mark(self, event: RecordingEvent, at_ns: int, text: str, by: str) -> None:
+        """Note an event."""
+        with self._lock:
+            kept = KeptEvent(event, self._clock.log_ns(at_ns) / 1e9, text, by)
+            self.about = structs.replace(self.about, events=[*self.about.events, kept])
+
+    def leave_out(self, count: int) -> None:
+        """Note that so many topics are not in it."""
+        with self._lock:
+            self.about = structs.replace(self.about, left_out=max(self.about.left_out, count))
+
     def end(self, why: str = "") -> None:
         """Finish it. `why`: in English, if nobody asked for it."""
         with self._lock:
@@ -110,6 +122,11 @@ class Take:
         """Wait until it is finished. Return False if the disk takes longer."""
         self._thread.join(within_s)
         return not self._thread.is_alive()
+
+    @property
+    def is_full(self) -> bool:
+        """Whether what follows belongs into another file."""
+        return self.index_bytes >= MOST_INDEX_BYTES
 
     @property
     def trouble(self) -> Refusal | None:

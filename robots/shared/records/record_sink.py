@@ -145,6 +145,7 @@ class TakenRecording(Struct, frozen=True, tag=True):
     reason: str = ""
     version: str = ""  # of the console
     dropped: int = 0  # messages that are missing in it
+    left_out: int = 0  # topics that are not in it: there were more than `MOST_RECORDED_TOPICS`
     continues: UUID | None = None  # the recording that the same request began, before a process broke
     cut: bool = False  # its process broke: its last second may be missing
     ended_by: str = ""  # why it ended, in English, if nobody asked for it

@@ -73,6 +73,7 @@ class RecordingState(Struct, frozen=True, omit_defaults=True):
     bytes_per_s: float = 0.0
     free_bytes: int | None = None  # that recordings may still take; None: not known yet
     dropped: int = 0  # messages that are missing in it, because disk or processor were too slow
+    left_out: int = 0  # topics that are not recorded: there are more than `MOST_RECORDED_TOPICS`
     refusal: Refusal | None = None  # why nothing is written now; None: it is
 
 

@@ -21,7 +21,7 @@ export function goesOn(recording) {
 export function recordingLines(recording) {
   if (!goesOn(recording)) return [gettext("Nothing is recorded now.")];
   const { by, since_s: sinceS, left_s: leftS, bytes = 0, bytes_per_s: rate = 0 } = recording;
-  const { free_bytes: free = null, dropped = 0 } = recording;
+  const { free_bytes: free = null, dropped = 0, left_out: leftOut = 0 } = recording;
   return [
     interpolate(gettext("%s records this robot, since %s."), [by, spanText(sinceS)]),
     interpolate(gettext("%s, %s each second."), [sizeText(bytes), sizeText(rate)]),
@@ -31,6 +31,16 @@ export function recordingLines(recording) {
       ? interpolate(ngettext("%s message is missing.", "%s messages are missing.", dropped), [
           dropped,
         ])
+      : "",
+    leftOut
+      ? interpolate(
+          ngettext(
+            "%s topic is left out: a recording has 300 at most.",
+            "%s topics are left out: a recording has 300 at most.",
+            leftOut,
+          ),
+          [leftOut],
+        )
       : "",
   ].filter(Boolean);
 }

@@ -84,6 +84,38 @@ def test_a_student_replays_their_own_part(
     assert theirs["sees"] == [[300.0, 480.0]] and theirs["events"][0]["atS"] == 330.0
 
 
+def test_a_page_says_what_is_not_kept_yet_and_what_is_left_out(recording: Recording, operator: User) -> None:
+    address = f"/recordings/{recording.pk}/"
+    rows = Recording.objects.filter(pk=recording.pk)
+    for state, words in (
+        ({}, "It is deleted when its time is over"),
+        ({"kept_at": BEGAN}, "It will be kept: its computer is told"),
+        ({"file_kept": True}, "It is kept until somebody deletes it."),
+    ):
+        rows.update(**state)
+        assert words in page(operator, address).text
+    assert "a recording has 300 at most" not in page(operator, address).text
+    rows.update(left_out=12)
+    assert "12 topics are not in it: a recording has 300 at most." in page(operator, address).text
+
+
+def test_a_long_recording_has_links_between_its_parts(
+    recording: Recording, operator: User, second_operator: User
+) -> None:
+    facts = {
+        "robot": recording.robot,
+        "kind": "by_hand",
+        "begins_at": BEGAN,
+        "ends_at": at(10),
+        "file": "a.mcap",
+    }
+    later = Recording.objects.create(person=operator, continues=recording.pk, **facts)
+    Recording.objects.create(person=second_operator, continues=recording.pk, **facts)  # not theirs
+    for this, words, other in ((recording, "Later part", later), (later, "Earlier part", recording)):
+        links = re.findall(r'href="([^"]*)">(\w+ part)', page(operator, f"/recordings/{this.pk}/").text)
+        assert links == [(f"/recordings/{other.pk}/", words)]
+
+
 def test_a_long_list_needs_few_queries(
     recording: Recording, robot: Robot, operator: User, staff: User
 ) -> None:

@@ -40,6 +40,8 @@ class Receiver(Protocol):
 
     def missed(self, origin: Origin, count: int) -> None: ...
 
+    def left_out(self, count: int) -> None: ...
+
 
 class _Topic:
     """One subscribed topic."""
@@ -109,7 +111,6 @@ class Reading:
         self._wanted = Wanted({})
         self._changed = False
         self._topics: dict[str, _Topic] = {}
-        self._left_out = 0
 
     def follow(self, wanted: Wanted) -> None:
         """Set what is read. Thread-safe; returns at once."""
@@ -148,9 +149,7 @@ class Reading:
         found.sort(key=lambda topic: topic in pictures)
         room = MOST_RECORDED_TOPICS - len(wanted.topics)
         more = [topic for topic in found if topic not in wanted.topics]
-        if len(more[room:]) != self._left_out:
-            self._left_out = len(more[room:])
-            log.warning("%d topics are not recorded: more than %d", self._left_out, MOST_RECORDED_TOPICS)
+        self._to.left_out(len(more[room:]))
         return dict.fromkeys(more[:room], 0.0)
 
     def _read(self, wanted: Mapping[str, float]) -> None:
