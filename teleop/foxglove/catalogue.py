@@ -64,6 +64,7 @@ class Catalogue:
         self._read = asyncio.Event()  # the first reading is over
         self._raw = ""
         self._rows: list[wire.TopicRow] = []
+        self._listed: dict[str, str] = {}  # types of published topics, as the master lists them
         self._texts: dict[str, str] = {}  # definitions by type
         self._asked_s: dict[
             str, float
@@ -95,7 +96,7 @@ class Catalogue:
         return encoded("advertise", channels=list(self.channels.values()))
 
     def correct(self, topic: str, type_name: str, text: str) -> None:
-        """Note the definition that the topic's publisher has: its channel may have that of another publisher."""
+        """Note type and definition of the topic's publisher: the master may list others."""
         channel = self.channels.get(topic)
         if channel is not None and (channel.schemaName, channel.schema) != (type_name, _schema(text)):
             self._apply({**self.channels, topic: self._channel(topic, type_name, text)}, self.graph)
@@ -142,6 +143,7 @@ class Catalogue:
             for topic, type_name in published.items()
             if type_name in self._texts
         }
+        self._listed = published
         self._apply(channels, graph_now)
 
     async def _learn(self, published: dict[str, str]) -> None:
@@ -168,9 +170,9 @@ class Catalogue:
         return _decoded(await self.link.query_topics(query))
 
     def _kept(self, topic: str, type_name: str) -> Channel:
-        """Return the topic's channel: the same one, while its type is the same."""
+        """Return the topic's channel: the same one, also after `correct`, while the master lists the same type."""
         channel = self.channels.get(topic)
-        if channel is not None and channel.schemaName == type_name:
+        if channel is not None and self._listed.get(topic) == type_name:
             return channel
         return self._channel(topic, type_name, self._texts[type_name])
 

@@ -67,6 +67,7 @@ class FoxgloveConsumer(RobotSocket):
         self._reader: TapReader | None = None
         self._camera_audit: CameraAudit | None = None
         self._subscriptions: dict[str, _Subscribed] = {}  # by topic
+        self._types: dict[str, str] = {}  # of topics, as their publishers say
         self._follows_graph = False
         self._clock_ns: int | None = None  # by the robot's simulated clock
         self._has_clock = False
@@ -97,7 +98,8 @@ class FoxgloveConsumer(RobotSocket):
         catalogue.add(self)
         self._catalogue = catalogue
         await catalogue.first_read()
-        self._has_clock = CLOCK in catalogue.channels
+        clock = catalogue.channels.get(CLOCK)
+        self._has_clock = clock is not None and clock.schemaName == protocol.CLOCK_TYPE
         info = encoded(
             "serverInfo",
             name=entry.facts.name,
@@ -110,8 +112,8 @@ class FoxgloveConsumer(RobotSocket):
         feed = feed_of(self.hub.link)
         self._reader = TapReader(feed, self._deliver, self._follow_topic, self.is_behind, self.user.pk)
         await self._send_all([info, channels])
-        if self._has_clock:
-            self._read(catalogue.channels[CLOCK])
+        if clock is not None and self._has_clock:
+            self._read(clock)
         if refusal := catalogue.refusal:
             self.catalogue_refused(refusal)
 
@@ -248,21 +250,25 @@ class FoxgloveConsumer(RobotSocket):
         """Tell nothing: the catalogue says it."""
 
     def _follow_topic(self, state: TapState) -> None:
-        if state.refusal is not None:
-            if state.refusal not in (STARTING, self.hub.link.refusal):  # the catalogue tells that of the link
-                text = f"{state.topic}: {_worded(state.refusal)}"
-                run_in_background(self._status(protocol.WARNING, text))
-        elif state.definition and self._catalogue is not None:
+        # The catalogue tells the refusal of the link
+        if state.refusal is not None and state.refusal not in (STARTING, self.hub.link.refusal):
+            text = f"{state.topic}: {_worded(state.refusal)}"
+            run_in_background(self._status(protocol.WARNING, text))
+        if state.type:
+            self._types[state.topic] = state.type
+        if state.definition and self._catalogue is not None:
             self._catalogue.correct(state.topic, state.type, state.definition)
 
     async def _deliver(self, topic: str, _form: Form, message: TapMessage) -> None:
-        if topic == CLOCK and self._has_clock:
+        type_ = self._types.get(topic)
+        if topic == CLOCK and self._has_clock and type_ == protocol.CLOCK_TYPE:
             self._clock_ns = protocol.clock_ns(message.body)
             await self._send_frame(protocol.time(self._clock_ns))
         subscribed = self._subscriptions.get(topic)
-        if subscribed is None or self._camera_audit is None:
+        # A message of another type cannot be read with this channel's definition, and may be a picture
+        if subscribed is None or self._camera_audit is None or subscribed.channel.schemaName != type_:
             return
-        if subscribed.channel.schemaName in PICTURES and not self._camera_audit.begin_or_continue(topic):
+        if type_ in PICTURES and not self._camera_audit.begin_or_continue(topic):
             await self.send_refusal("subscribe", TOO_MANY_CAMERAS)
             return
         # A robot with a clock of its own has only its times

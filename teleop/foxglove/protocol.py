@@ -14,6 +14,7 @@ from msgspec import Meta, Struct
 from robots.shared.wire import MessageDecoder
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+CLOCK_TYPE = "rosgraph_msgs/Clock"
 LARGEST_BYTES = 64 * 1024  # of a client's message: the server lets no larger one through
 
 Number = Annotated[int, Meta(ge=0, lt=2**32)]
@@ -156,6 +157,6 @@ def no_asset(request: int, why: str) -> bytes:
 
 
 def clock_ns(body: bytes) -> int:
-    """Return the time in a message of rosgraph_msgs/Clock."""
+    """Return the time in a message of `CLOCK_TYPE`."""
     secs, nsecs = _CALL.unpack_from(body)
     return int(secs) * 1_000_000_000 + int(nsecs)

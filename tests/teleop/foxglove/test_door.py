@@ -9,6 +9,7 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
+import msgspec
 import pytest
 from django.utils import timezone
 
@@ -37,6 +38,7 @@ ROWS = [
     wire.TopicRow("/unknown", "*", ["/node"]),
 ]
 CLOCK = wire.TopicRow("/clock", "rosgraph_msgs/Clock", ["/gazebo"])
+TYPES = {row.name: row.type for row in (*ROWS, CLOCK)}
 TEXTS = {
     "nav_msgs/Odometry": "Header header\n",
     "sensor_msgs/LaserScan": SCAN,
@@ -73,7 +75,7 @@ class Robot:
 
 
 class FakeReader:
-    """A connection's readings, in place of the tap's."""
+    """A connection's readings, in place of the tap's. Publishers have the types that the master lists."""
 
     made: list[FakeReader] = []
 
@@ -86,6 +88,7 @@ class FakeReader:
     def read(self, topic: str, form: str, every_s: float = 0.0, queue: int = 1) -> wire.Refusal | None:
         assert form == "raw"
         self.readings[topic] = every_s, queue
+        self.state(TapState(topic, TYPES[topic]))
         return self.refuses
 
     def end(self, topic: str, _form: str) -> None:
@@ -271,6 +274,37 @@ async def test_definition_of_the_publisher_counts(connect):
     reader.state(TapState("/scan", "sensor_msgs/LaserScan", "1" * 32, "float64[] ranges\n"))
     await client.next("unadvertise")
     assert (await client.channels())["/scan"]["schema"] == "float64[] ranges\n"
+
+
+async def test_type_of_the_publisher_counts_also_if_it_is_a_picture(connect, monkeypatch):
+    """The master may list another type: that of a node that only subscribes."""
+    client = await connect()
+    scan = (await client.channels())["/scan"]
+    reader = await client_reads(client, scan)
+    picture = TapState("/scan", "sensor_msgs/Image", "1" * 32)
+    reader.state(picture)  # its definition is not known yet
+    await reader.deliver("/scan", "raw", TapMessage("/scan", 1, 1, b"pixels"))
+    await client.hears_nothing("", 0.05)
+    reader.state(msgspec.structs.replace(picture, definition="uint8[] data\n"))
+    await client.next("unadvertise")
+    image = (await client.channels())["/scan"]
+    monkeypatch.setitem(TYPES, "/scan", image["schemaName"])
+    assert image["schemaName"] == "sensor_msgs/Image"
+    await client_reads(client, image)
+    assert reader.readings == {"/scan": (0.0, 1)}
+    await reader.deliver("/scan", "raw", TapMessage("/scan", 2, 1, b"pixels"))
+    await client.frame()
+    assert await eventually(lambda: Record.objects.filter(kind="camera.start").first())
+    await client_catalogue()._read_once()
+    assert client_catalogue().channels["/scan"].id == image["id"], (
+        "it stays, although the master lists another"
+    )
+
+
+async def test_clock_of_another_type_is_no_time(connect, behind):
+    behind.rows = [*ROWS, wire.TopicRow("/clock", "std_msgs/String", ["/node"])]
+    client = await connect()
+    assert "time" not in (await client.next("serverInfo"))["capabilities"]
 
 
 # --- messages ------------------------------------------------------------------------------------------
