@@ -168,6 +168,7 @@ class MemoryBase:
     sent: list[Velocity] = field(default_factory=list)
     aims: list[Aim] = field(default_factory=list)
     head: tuple[float, float] | None = None
+    head_goal: str | None = None  # what the robot's head action calls the next aims
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
     asked: list[Callable[[], None]] | None = None  # if a list: the robot's answers about motions wait in it
     lies: tuple[Disc, ...] | None = None  # discs of the arm, by joint states
@@ -211,8 +212,9 @@ class MemoryBase:
     def cancel_all(self) -> None:
         self.cancelled += 1
 
-    def aim_head(self, aim: Aim) -> None:
+    def aim_head(self, aim: Aim) -> str | None:
         self.aims.append(aim)
+        return self.head_goal
 
     def head_at(self) -> tuple[float, float] | None:
         return self.head

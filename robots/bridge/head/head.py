@@ -95,11 +95,18 @@ class Head:
         return aim
 
     def turn(
-        self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float, absolute: bool = False
+        self,
+        pan: float,
+        tilt: float,
+        at: tuple[float, float] | None,
+        now_s: float,
+        *,
+        absolute: bool = False,
+        here: bool = False,
     ) -> Aim:
         """Return the aim after a turn by these angles (radians; positive: left, up), within the limits.
 
-        `absolute`: after a turn to these angles.
+        `absolute`: after a turn to these angles. `here`: after one from the head's position.
 
         The first turn starts from the head's position (`at`: pan and tilt; None: unknown), because a motion
         or another node may have moved the head. The next turns of a drag start from the last aim: the head
@@ -107,7 +114,7 @@ class Head:
         arrive at once.
         """
         is_first = now_s - self._turned_s > ARRIVED_S
-        if at is not None and is_first:
+        if at is not None and (is_first or here):
             self._pan, self._tilt = at
         self._turned_s, self._forward_s = now_s, -math.inf
         self._next.clear()
@@ -117,8 +124,8 @@ class Head:
         self._pan = _within(self._pan + pan, self._source.pan_rad)
         self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)
         self._by_hand = True
-        here, open_s = (at, 0.0) if at is not None else (before, self._open_s(is_first, now_s))
-        farthest = max(abs(self._pan - here[0]), abs(self._tilt - here[1]))
+        start, open_s = (at, 0.0) if at is not None else (before, self._open_s(is_first, now_s))
+        farthest = max(abs(self._pan - start[0]), abs(self._tilt - start[1]))
         seconds = max(open_s + farthest / TURN_RADPS, TURN_LEAST_S)
         self._arrives_s = now_s + seconds
         return Aim(self._pan, self._tilt, seconds)

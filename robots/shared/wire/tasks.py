@@ -41,13 +41,18 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
 
 
 class TurnHead(Struct, frozen=True, tag_field="t", tag="turn_head"):
-    """Turn the head by these angles (radians; positive: left, up) from its last target; `absolute`: to these angles."""
+    """Turn the head by these angles (radians; positive: left, up) from its last target; `absolute`: to these angles.
+
+    `here`: from where it is now, if joint states tell that; so zeros stop it. A new request replaces the one on its
+    way. `State.head_ended` shows the end.
+    """
 
     fence: Fence
     pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
     tilt: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
     seq: Seq = 0
     absolute: bool = False
+    here: bool = False
 
 
 class Forget(Struct, frozen=True, tag_field="t", tag="forget"):
@@ -261,6 +266,19 @@ class DriveByEnd(Worded, frozen=True):
     angle_rad: float
 
 
+class HeadEnd(Worded, frozen=True):
+    """The end of a turn of the head, as the robot's action reports it, or else by joint states.
+
+    `outcome`: done; sent (nothing reports where the head is); not_there (it stopped on its way); failed or rejected (by
+    the robot's action); unheard, replaced, taken_over; stopped, control_ended, link_lost, not_recorded, bridge_ended.
+    """
+
+    seq: int  # of the request, as `fence`; earlier ones of this control were replaced
+    fence: int
+    outcome: str
+    text: str
+
+
 class ChoiceEnd(Worded, frozen=True):
     """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
 
@@ -291,6 +309,7 @@ class TaskStates(Worded, frozen=True):
     going_ended: GoEnd | None = None  # the last one
     navigation_held: str = ""  # reason why the bridge holds the base although no goal is under way
     limbs: dict[Limb, LimbState] = {}  # by limb of the robot
+    head_ended: HeadEnd | None = None  # the last end of a turn
     chosen: dict[Use, str] = {}  # topics that receive input instead of the default topic
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last choice that ended automatically, until the next choice
     publishing: list[Publishing] = []

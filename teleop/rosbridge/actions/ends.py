@@ -31,6 +31,8 @@ class Seen(Protocol):
     def going_ended(self) -> wire.GoEnd | None: ...
     @property
     def limbs(self) -> Mapping[Limb, LimbState]: ...
+    @property
+    def head_ended(self) -> wire.HeadEnd | None: ...
 
 
 class End(NamedTuple):
@@ -42,7 +44,7 @@ class End(NamedTuple):
 
 def end_of(request: TaskRequest, before: Seen, now: Seen) -> End | None:
     """Return how an accepted task has ended; None: not yet. `before`: what was seen when it was requested."""
-    ended: wire.MotionEnd | wire.SpeechEnd | wire.GoEnd | wire.LimbEnd | None = None
+    ended: wire.MotionEnd | wire.SpeechEnd | wire.GoEnd | wire.LimbEnd | wire.HeadEnd | None = None
     match request:
         case wire.Play():
             ended = now.motion_ended if _number(now.motion_ended) != _number(before.motion_ended) else None
@@ -54,8 +56,11 @@ def end_of(request: TaskRequest, before: Seen, now: Seen) -> End | None:
         case wire.MoveLimb(limb=limb, seq=seq, fence=fence):
             end = now.limbs[limb].ended if limb in now.limbs else None
             ended = end if end and (end.seq, end.fence) == (seq, fence) else None
-        case _:
-            return End(SUCCEEDED, "")  # the robot does not report when its head is there
+        case wire.TurnHead(seq=seq, fence=fence):
+            head = now.head_ended if now.head_ended and now.head_ended.fence == fence else None
+            if head and head.seq > seq:
+                return End(PREEMPTED, "replaced")
+            ended = head if head and head.seq == seq else None
     return None if ended is None else End(_status(ended.outcome), ended.text or ended.outcome)
 
 

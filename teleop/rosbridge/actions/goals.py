@@ -74,7 +74,8 @@ class Goals(Listener):
             make = goal.action.task(given)
             goal.before = self._seen()
             self._goals.append(goal)
-            await self._reports.listen(goal.name)
+            if goal.action.reports:
+                await self._reports.listen(goal.name)
             await self._client.request(lambda fence, seq: _kept(goal, make(fence, seq)))
         except NotDone as refused:
             self._forget(goal)
@@ -89,7 +90,7 @@ class Goals(Listener):
     async def cancel(self, goal: Goal) -> None:
         """Cancel the task of a goal. Raises NotDone."""
         goal.cancelled = True  # if it is not accepted yet, `begin` cancels it
-        if goal.status == ACTIVE and goal in self._goals and goal.action.cancel is not None:
+        if goal.status == ACTIVE and goal in self._goals:
             await self._client.request(goal.action.cancel)
 
     def _seen(self) -> Seen:
@@ -121,7 +122,7 @@ class Goals(Listener):
 
     async def _tell_end(self, goal: Goal, end: End) -> None:
         """Tell the end with the robot's result, which comes another way."""
-        if end.status == SUCCEEDED and goal.action.cancel is not None:
+        if end.status == SUCCEEDED and goal.action.reports:
             self._ending[goal.name] = goal
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(goal.answered.wait(), RESULT_S)

@@ -29,7 +29,8 @@ class RobotAction(NamedTuple):
 
     type: str
     task: Callable[[Mapping[str, Any]], Make]
-    cancel: Make | None  # None: its task is done at once
+    cancel: Make
+    reports: bool = True  # the bridge sends the task to this action, which has feedback and result
 
 
 class _Words(Struct):
@@ -120,10 +121,12 @@ def actions_of(topics: Topics) -> dict[str, RobotAction]:
     if head := topics.head:
         height_m = topics.depth.height_m if topics.depth else HEAD_HEIGHT_M
         follow = f"{head.topic.removesuffix('/command')}/follow_joint_trajectory"
-        found[follow] = RobotAction("control_msgs/FollowJointTrajectoryAction", partial(_head, head), None)
+        found[follow] = RobotAction(
+            "control_msgs/FollowJointTrajectoryAction", partial(_head, head), _head_stays, reports=False
+        )
         if head.point_head:
             point = partial(_point_head, head, height_m)
-            found[head.point_head] = RobotAction("control_msgs/PointHeadAction", point, None)
+            found[head.point_head] = RobotAction("control_msgs/PointHeadAction", point, _head_stays)
     return found
 
 
@@ -184,6 +187,11 @@ def _turned(head: HeadSource, pan: float, tilt: float) -> Make:
         min(max(angle, low), high) for angle, (low, high) in ((pan, head.pan_rad), (tilt, head.tilt_rad))
     )
     return _made(lambda fence, seq: wire.TurnHead(fence, pan, tilt, seq, absolute=True))
+
+
+def _head_stays(fence: int, seq: int) -> TaskRequest:
+    """Turn from where the head is by nothing, in place of the goal: that ends it."""
+    return wire.TurnHead(fence, 0.0, 0.0, seq, here=True)
 
 
 def _last(given: Mapping[str, Any], joints: list[str]) -> list[float]:

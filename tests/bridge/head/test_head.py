@@ -15,6 +15,8 @@ from robots.bridge.head.head import (
     TURN_RADPS,
     Head,
 )
+from robots.bridge.head.head_tasks import HeadTasks
+from robots.bridge.head.turning import STILL_S
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import HeadSource
 from robots.shared.geometry.poses import Velocity
@@ -349,3 +351,109 @@ def test_a_driver_is_told_of_a_head_that_follows():
     bench.core.revoke(1, "over", bench.now_s)
     bench.granted(2)
     assert not follows()
+
+
+# --- the end of a turn ------------------------------------------------------------------------------------
+
+
+def turning(bench, pan=0.6, tilt=0.0, seq=1, **fields):
+    """Ask for a turn, whose record is written."""
+    answers = bench.ask(wire.TurnHead(1, pan, tilt, seq, **fields), 1)
+    settled(bench)
+    assert answers == [None]
+
+
+def head_ended(bench):
+    ended = bench.core.state(bench.now_s, []).head_ended
+    return (ended.seq, ended.fence, ended.outcome) if ended else None
+
+
+def test_a_turn_ends_when_the_head_is_there(bench):
+    bench.base.head = (0.0, 0.0)
+    turning(bench)
+    bench.pass_time(bench.base.aims[-1].seconds - 0.1)
+    bench.base.head = (0.58, 0.01)
+    bench.pass_time(0.05)
+    assert head_ended(bench) is None, "it may still move"
+    bench.pass_time(0.1)
+    assert head_ended(bench) == (1, 1, "done")
+
+
+def test_a_head_that_stops_on_its_way_has_not_arrived(bench):
+    bench.base.head = (0.0, 0.0)
+    turning(bench)
+    for step in range(6):  # slower than it should be
+        bench.base.head = (0.05 * step, 0.0)
+        bench.pass_time(0.5)
+    assert head_ended(bench) is None
+    bench.pass_time(STILL_S)
+    assert head_ended(bench) == (1, 1, "not_there")
+
+
+def test_a_head_of_unknown_place_was_sent(bench):
+    turning(bench)
+    bench.pass_time(bench.base.aims[-1].seconds + 0.1)
+    assert head_ended(bench) == (1, 1, "sent")
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome"),
+    [("succeeded", "done"), ("failed", "failed"), ("rejected", "rejected"), ("cancelled", "taken_over")],
+)
+def test_a_turn_ends_as_the_robots_action_says(bench, said, outcome):
+    bench.base.head_goal = "own"
+    turning(bench)
+    head = bench.core.tasks.part(HeadTasks)
+    head.ended("another node's", "failed", "")
+    assert head_ended(bench) is None
+    head.ended("own", said, "Words.")
+    assert head_ended(bench) == (1, 1, outcome)
+
+
+def test_an_action_that_says_nothing_is_given_up(bench):
+    bench.base.head_goal = "own"
+    turning(bench)
+    bench.pass_time(bench.base.aims[-1].seconds + STILL_S - 0.1)
+    assert head_ended(bench) is None
+    bench.pass_time(0.2)
+    assert head_ended(bench) == (1, 1, "unheard")
+
+
+def test_another_turn_replaces_a_turn_and_zeros_from_here_stop_it(bench):
+    bench.base.head = (0.0, 0.0)
+    turning(bench)
+    bench.base.head = (0.2, 0.0)
+    turning(bench, 0.0, 0.0, seq=2, here=True)
+    assert head_ended(bench) == (1, 1, "replaced")
+    assert (bench.base.aims[-1].pan, bench.base.aims[-1].tilt) == (0.2, 0.0)
+    bench.pass_time(1.0)
+    assert head_ended(bench) == (2, 1, "done")
+    turning(bench, seq=3)
+    ask(bench)
+    settled(bench)
+    assert head_ended(bench) == (3, 1, "replaced")
+
+
+@pytest.mark.parametrize(
+    ("ends", "outcome"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
+        (unrecorded_for_a_while, "not_recorded"),
+    ],
+)
+def test_a_turn_that_nobody_watches_any_more_ends(bench, ends, outcome):
+    turning(bench)
+    ends(bench)
+    assert head_ended(bench) == (1, 1, outcome)
+
+
+def test_pages_hear_at_once_how_a_drag_ended_and_not_of_each_turn(bench):
+    bench.base.head = (0.0, 0.0)
+    turning(bench)
+    before = bench.core.tasks.headline(bench.now_s)
+    turning(bench, 0.1, seq=2)
+    assert bench.core.tasks.headline(bench.now_s) == before
+    bench.base.head = (0.7, 0.0)
+    bench.pass_time(2.0)
+    assert bench.core.tasks.headline(bench.now_s) != before

@@ -230,6 +230,8 @@ def test_the_head_is_turned_by_its_action_where_offered(is_offered, ros, rosmast
         looks(0.0, HEAD.look_tilt)
         hand.send(wire.TurnHead(1, 0.5, 0.3))
         looks(0.5, HEAD.look_tilt + 0.3)
+        outcome = "done" if is_offered else "sent"  # this bridge reads no joint states
+        hand.state_until(lambda state: state.head_ended and state.head_ended.outcome == outcome, outcome)
         used, unused = (goals, trajectories) if is_offered else (trajectories, goals)
         assert used.drain()
         assert not unused.drain()

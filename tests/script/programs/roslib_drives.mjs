@@ -115,6 +115,34 @@ const steps = {
     await perform(operator, ...PLAY, { motion_name: "home" });
   },
 
+  async turnsTheHeadUntilItIsThere() {
+    const joints = reader(operator, "/joint_states", "sensor_msgs/JointState");
+    const pan = async () => {
+      const { name, position } = await joints();
+      return position[name.indexOf("head_1_joint")];
+    };
+    const heard = [];
+    const [name, actionType] = ["/head_controller/point_head_action", "control_msgs/PointHeadAction"];
+    const target = (y) => ({ target: { header: { frame_id: "base_footprint" }, point: { x: 1, y, z: 1.1 } } });
+    await within(
+      perform(operator, name, actionType, target(1), (one) => heard.push(one)),
+      name,
+    );
+    assert(Math.abs((await pan()) - Math.PI / 4) < 0.1 && heard.length);
+    const follow = ["/head_controller/follow_joint_trajectory", "control_msgs/FollowJointTrajectoryAction"];
+    const points = [{ positions: [-0.5, 0], time_from_start: { secs: 1, nsecs: 0 } }];
+    const trajectory = { joint_names: ["head_1_joint", "head_2_joint"], points };
+    await within(perform(operator, ...follow, { trajectory }), follow[0]);
+    assert(Math.abs((await pan()) + 0.5) < 0.1);
+    const action = new Action({ ros: operator, name, actionType });
+    const cancelled = new Promise((done) => {
+      const id = action.sendGoal(target(5), done, () => action.cancelGoal(id), done);
+    });
+    assert.match(String(await within(cancelled, "the end of a cancelled turn")), /canceled/);
+    assert((await pan()) < 1.0);
+    joints.topic.unsubscribe();
+  },
+
   async followsAFrame() {
     const frames = new TFClient({ ros: observer, fixedFrame: "odom", angularThres: 0.01, rate: 10 });
     const transform = await within(new Promise((done) => frames.subscribe("base_footprint", done)), "a transform");

@@ -113,11 +113,15 @@ def test_a_robot_has_the_actions_of_its_profile_only():
     assert set(ACTIONS) == {"/play_motion", "/tts", "/move_base", TORSO, GRIPPER, HEAD, POINT}
 
 
-@pytest.mark.parametrize("action", ["/play_motion", "/tts", "/move_base", TORSO, GRIPPER])
-def test_each_task_with_an_end_has_a_cancel(action):
-    cancel = ACTIONS[action].cancel
-    assert cancel is not None
-    assert wire.link_request(wire.encode(cancel(7, 3))).fence == 7
+@pytest.mark.parametrize("action", ACTIONS)
+def test_each_task_has_a_cancel(action):
+    cancel = ACTIONS[action].cancel(7, 3)
+    assert wire.link_request(wire.encode(cancel)) == cancel
+    assert cancel.fence == 7
+
+
+def test_a_cancel_of_the_head_turns_it_to_where_it_is():
+    assert ACTIONS[HEAD].cancel(7, 3) == wire.TurnHead(7, 0.0, 0.0, 3, here=True)
 
 
 class Seen(msgspec.Struct):
@@ -127,10 +131,11 @@ class Seen(msgspec.Struct):
     speech_ended: wire.SpeechEnd | None = None
     going_ended: wire.GoEnd | None = None
     limbs: dict[wire.Limb, wire.LimbState] = {}
+    head_ended: wire.HeadEnd | None = None
 
 
 PLAY, SAY, GO = wire.Play(7, "wave", 3), wire.Say(7, "Hi", "en", seq=3), wire.Go(7, 1.0, 2.0, 0.0, 3)
-LIFT = wire.MoveLimb(7, "torso", 0.2, 3)
+LIFT, LOOK = wire.MoveLimb(7, "torso", 0.2, 3), wire.TurnHead(7, 0.1, 0.1, 3, True)
 
 
 def gone(outcome: str, seq: int = 3, fence: int = 7) -> Seen:
@@ -139,6 +144,10 @@ def gone(outcome: str, seq: int = 3, fence: int = 7) -> Seen:
 
 def lifted(outcome: str, seq: int = 3) -> Seen:
     return Seen(limbs={"torso": wire.LimbState(0.1, ended=wire.LimbEnd(1, seq, 7, outcome, "words", 0.1))})
+
+
+def looked(outcome: str, seq: int = 3, fence: int = 7) -> Seen:
+    return Seen(head_ended=wire.HeadEnd(seq, fence, outcome, ""))
 
 
 @pytest.mark.parametrize(
@@ -162,7 +171,14 @@ def lifted(outcome: str, seq: int = 3) -> Seen:
         (LIFT, Seen(), lifted("cancelled"), ends.PREEMPTED),
         (LIFT, Seen(), lifted("done", seq=4), None),
         (LIFT, Seen(), Seen(), None),
-        (wire.TurnHead(7, 0.1, 0.1, 3, True), Seen(), Seen(), ends.SUCCEEDED),
+        (LOOK, Seen(), Seen(), None),
+        (LOOK, Seen(), looked("done"), ends.SUCCEEDED),
+        (LOOK, Seen(), looked("not_there"), ends.ABORTED),
+        (LOOK, Seen(), looked("taken_over"), ends.PREEMPTED),
+        (LOOK, Seen(), looked("rejected"), ends.REJECTED),
+        (LOOK, Seen(), looked("done", seq=2), None),
+        (LOOK, Seen(), looked("done", seq=4), ends.PREEMPTED),
+        (LOOK, Seen(), looked("done", seq=4, fence=6), None),
     ],
 )
 def test_the_end_of_a_task_is_that_of_its_goal(request_, before, now, status):

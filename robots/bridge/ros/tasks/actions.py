@@ -103,7 +103,10 @@ class ActionTopics:
         self._listener.feedback(cut(message.status.goal_id.id, NAME), message.feedback)
 
     def _on_result(self, message: Any) -> None:
-        status = message.status
-        outcome = OUTCOMES.get(status.status, "failed")
-        text = cut(status.text, SENTENCE)
-        self._listener.ended(cut(status.goal_id.id, NAME), outcome, text, message.result)
+        self._listener.ended(*ended(message), message.result)
+
+
+def ended(message: Any) -> tuple[str, str, str]:
+    """Return the id of a goal that has ended, its outcome and the action's text, by the message of its result."""
+    status = message.status
+    return cut(status.goal_id.id, NAME), OUTCOMES.get(status.status, "failed"), cut(status.text, SENTENCE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Any
 from uuid import uuid4
 
 import rospy
@@ -13,8 +13,9 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.head.head import Aim
-from robots.bridge.head.head_tasks import HeadMover
+from robots.bridge.head.head_tasks import HeadMover, HeadTasks
 from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ended
 from robots.bridge.ros.tasks.publishing import heard_by, publish
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
@@ -27,9 +28,9 @@ FAR_M = 1000.0  # a point at this distance lies in the same direction from the h
 class HeadTopics(HeadMover, RobotPart):
     """The topics of one head. Its controller takes joint positions, its action a point to look at."""
 
-    def __init__(self, source: HeadSource, joint: Callable[[str], float | None]) -> None:
+    def __init__(self, node: Node, source: HeadSource) -> None:
         self._source = source
-        self._joint = joint
+        self._node = node
         self._controller = rospy.Publisher(source.topic, JointTrajectory, queue_size=1)
         self._action: rospy.Publisher | None = None
         if source.point_head is not None:
@@ -39,21 +40,34 @@ class HeadTopics(HeadMover, RobotPart):
             status = f"{source.point_head}/status"
             expect(status, "actionlib_msgs/GoalStatusArray")
             self._server = rospy.Subscriber(status, rospy.AnyMsg, lambda _status: None, queue_size=1)
+            result_class = message_class("control_msgs/PointHeadActionResult")
+            rospy.Subscriber(f"{source.point_head}/result", result_class, self._on_result, queue_size=10)
 
     @classmethod
     def of(cls, node: Node) -> HeadTopics | None:
         head = node.config.topics.head
-        return cls(head, node.joint) if head else None
+        return cls(node, head) if head else None
 
     def head_at(self) -> tuple[float, float] | None:
-        pan, tilt = self._joint(self._source.pan_joint), self._joint(self._source.tilt_joint)
+        pan, tilt = self._node.joint(self._source.pan_joint), self._node.joint(self._source.tilt_joint)
         return None if pan is None or tilt is None else (pan, tilt)
 
-    def aim_head(self, aim: Aim) -> None:
+    def aim_head(self, aim: Aim) -> str | None:
         if self._action is not None and heard_by(self._action) and self._server.get_num_connections():
-            publish(self._action, self._goal(aim))
-        else:
-            publish(self._controller, self._trajectory(aim))
+            goal_id = f"{OURS}head-{uuid4()}"
+            publish(self._action, self._goal(aim, goal_id))
+            return goal_id
+        publish(self._controller, self._trajectory(aim))
+        return None
+
+    def _on_result(self, message: Any) -> None:
+        """Take the end of a goal, on a thread of rospy."""
+        goal_id, outcome, text = ended(message)
+        self._node.mail.post(
+            (self._source.point_head, "ended"),
+            lambda: self._node.tasks.part(HeadTasks).ended(goal_id, outcome, text),
+            EVENTS_WAIT,
+        )
 
     def _trajectory(self, aim: Aim) -> JointTrajectory:
         point = JointTrajectoryPoint(
@@ -62,11 +76,11 @@ class HeadTopics(HeadMover, RobotPart):
         joints = [self._source.pan_joint, self._source.tilt_joint]
         return JointTrajectory(joint_names=joints, points=[point])
 
-    def _goal(self, aim: Aim) -> object:
+    def _goal(self, aim: Aim, goal_id: str) -> object:
         """Return the goal that points the head's own axis (the action's default) in this direction."""
         now = rospy.Time.now()
         across = FAR_M * math.cos(aim.tilt)
-        goal = self._goal_class(goal_id=GoalID(stamp=now, id=f"{OURS}head-{uuid4()}"))
+        goal = self._goal_class(goal_id=GoalID(stamp=now, id=goal_id))
         goal.header = Header(stamp=now)
         goal.goal.target = PointStamped(
             # Stamp 0: the newest transform. The base's own clock may be ahead.
