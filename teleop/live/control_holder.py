@@ -9,7 +9,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 from uuid import UUID
 
 from django.utils import timezone
@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 RETRY_S = 1.0  # pause between two attempts to store the end of control
 
 Report = Callable[[Control | Notice], Awaitable[None]]
+T = TypeVar("T")
 
 
 class ControlHolder:
@@ -97,10 +98,16 @@ class ControlHolder:
 
     # --- requests -----------------------------------------------------------------------------------
 
-    async def take_control(self) -> None:
-        """Take control of a robot that no other person controls."""
+    async def take_control(self) -> UUID:
+        """Take control of a robot that no other person controls. Return the session, which `follow` begins."""
         await self._end_lease()  # the database may still contain the session that was given up here
-        await self._change(services.lease_take, highest_fence=await self._highest_fence())
+        taken = await self._change(services.lease_take, highest_fence=await self._highest_fence())
+        return taken.session
+
+    def undo_take(self, session: UUID, refusal: Refusal) -> None:
+        """End a session that `take_control` took, also if it has not begun here: its caller was refused."""
+        if not (session == self.session and self._give_up(EndReason.BRIDGE, refusal.sentence, refusal=refusal)):
+            self._end_soon(session, EndReason.BRIDGE, refusal, None)
 
     async def take_over(self, reason: str) -> None:
         """Take control from another person, as a supervisor or staff."""
@@ -161,10 +168,11 @@ class ControlHolder:
         )
         await self._changed()
 
-    async def _change(self, step: Callable[..., object], **arguments: Any) -> None:
+    async def _change(self, step: Callable[..., T], **arguments: Any) -> T:
         """Run one of the lease services, then inform everybody."""
-        await in_database(step, **self._me(), **arguments, now=timezone.now())
+        result = await in_database(step, **self._me(), **arguments, now=timezone.now())
         await self._changed()
+        return result
 
     async def _changed(self) -> None:
         self._reported_key = None  # a request is always answered with `Control`, even if nothing changed
@@ -294,12 +302,16 @@ class ControlHolder:
         renewer, self._renewer = self._renewer, None
         if renewer is None:
             return False
-        session = self._given_up = renewer.lease.session
-        self._reported_key = None  # report again, even if the start of this control was never reported
         renewer.revoke(words)
+        self._end_soon(renewer.lease.session, reason, refusal, by)
+        return True
+
+    def _end_soon(self, session: UUID, reason: EndReason, refusal: Refusal | None, by: UUID | None) -> None:
+        """Never renew this session; store its end in the background."""
+        self._given_up = session
+        self._reported_key = None  # report again, even if the start of this control was never reported
         self._store_end = partial(_end_lease, self._hub.robot_id, session, reason, refusal, by)
         run_in_background(self._keep_ending())
-        return True
 
     async def _end_lease(self) -> None:
         """Store the end of the session that was given up, unless it is stored. Raises ControlRefused if this fails."""

@@ -9,7 +9,8 @@ from typing import Any
 
 from django.db import DatabaseError
 
-from robots.shared.wire import Control, NotDone, Refusal
+from robots.link.stop_delivery import SILENT
+from robots.shared.wire import Control, NotDone
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
 from teleop.control.scopes import ACTING
@@ -21,8 +22,6 @@ log = logging.getLogger(__name__)
 
 STOP = "/fleet/stop"
 ANSWER_S = 6.0  # a bridge that has not answered after 5 s counts as silent
-
-_SILENT = Refusal("no_answer", "The server did not answer in time. Look at the robot's state.", "lease")
 
 
 class ControlServices(Family):
@@ -81,11 +80,12 @@ class ControlServices(Family):
     async def _take(self, control: ControlHolder) -> None:
         """Take control. Wait until the bridge knows it, and send it a zero: then the first velocity drives."""
         self._news.clear()
-        await control.take_control()
+        session = await control.take_control()
         try:
             await asyncio.wait_for(self._until_yours(), ANSWER_S)
         except TimeoutError as error:
-            raise NotDone(_SILENT) from error
+            control.undo_take(session, SILENT)
+            raise NotDone(SILENT) from error
         for family in self.client.families:
             if isinstance(family, Publishing):
                 await family.stand()

@@ -4,6 +4,7 @@ import asyncio
 from functools import partial
 
 import pytest
+from django.db import DatabaseError
 from django.test import Client as Browser
 from django.utils import timezone
 
@@ -14,8 +15,9 @@ from fleet.server import WRITABLE
 from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.consumers.message_socket import CloseCode
+from teleop.live.robot_hub import RobotHub
 from teleop.models import ControlSession
-from teleop.rosbridge import consumer
+from teleop.rosbridge import consumer, control_services
 from teleop.rosbridge.subscribing import Subscribing
 from tests.teleop.rosbridge.support import Client
 from tests.teleop.support import Page, eventually
@@ -166,6 +168,24 @@ async def test_a_second_client_does_not_get_control_and_asks(driver, open_client
     assert (await other.call("/fleet/ask_control"))["values"]["ahead"] == 0
     assert (await driver.call("/fleet/release_control"))["values"]["state"] == "free"
     await other.take()
+
+
+async def test_a_take_that_is_refused_for_its_time_gives_no_control_later(open_client, bridge, monkeypatch):
+    monkeypatch.setattr(control_services, "ANSWER_S", 0.05)
+    client = await open_client("operator")
+    await client.call("/fleet/renew_control")  # its answer comes when the connection is complete
+    with monkeypatch.context() as locked:
+
+        async def fails(*_args, **_options):
+            raise DatabaseError("locked")
+
+        locked.setattr(RobotHub, "_read_status", fails)
+        assert (await client.call("/fleet/take_control"))["values"].startswith("bridge_silent: ")
+    await eventually(ControlSession.objects.filter(ended_at__isnull=False, end_reason="bridge").first)
+    monkeypatch.setattr(control_services, "ANSWER_S", 10.0)
+    await (await open_client("second_operator")).take()
+    assert (await client.call("/fleet/renew_control"))["values"].startswith("not_holder: ")
+    assert {grant.fence for grant in bridge.all(wire.Grant)} == {2}
 
 
 async def test_control_ends_with_the_connection(driver, open_client, bridge):
