@@ -33,6 +33,7 @@ CANCEL_ALL = "/_action/cancel_goal"  # a service by which ROS 2 clients cancel a
 LONGEST_ID = 200  # characters
 
 _NO_GOAL = Refusal("no_goal", "No goal of yours with this id is under way.", "wire")
+_TWICE = Refusal("goal_twice", "A goal with this id is under way.", "wire")
 _NO_ID = Refusal("invalid", "A goal needs an id of at most 200 characters.", "wire")
 
 
@@ -80,6 +81,8 @@ class ActionGoals(Family):
 
     async def _send(self, operation: SendActionGoal) -> None:
         name = full_name(operation.action)
+        if isinstance(operation.id, str):
+            self._require_new(operation.id)  # no end is told: the client would take it for that of the other
         try:
             given = operation.args or {}
             if not isinstance(operation.id, str) or not isinstance(given, dict):
@@ -101,8 +104,7 @@ class ActionGoals(Family):
             if operation.feedback:
                 await self.client.send(_told("action_feedback", operation, values=fields))
 
-        goal = Goal(operation.id, name, action, told, feedback)
-        run_in_background(self._begin(goal, given, operation))
+        self._begin_soon(Goal(operation.id, name, action, told, feedback), given, operation)
 
     async def _result_told(
         self, operation: SendActionGoal, end: End, result: dict[str, Any] | None = None
@@ -136,8 +138,9 @@ class ActionGoals(Family):
         id_ = goal_id.get("id")
         if not isinstance(id_, str) or not 0 < len(id_) <= LONGEST_ID:
             raise NotDone(_NO_ID)
+        self._require_new(id_)
         goal = Goal(id_, name, self._robots(name), self._published, self._feedback_published)
-        run_in_background(self._begin(goal, given, operation))
+        self._begin_soon(goal, given, operation)
 
     async def _cancel_published(self, operation: Publish) -> None:
         """Cancel the goal of this id; an empty id means all goals: here all goals of this client, of no other."""
@@ -166,6 +169,15 @@ class ActionGoals(Family):
             await family.show(topic, message)
 
     # --- in the background --------------------------------------------------------------------------------
+
+    def _require_new(self, id_: str) -> None:
+        """Raise NotDone while a goal of this client has this id."""
+        if id_ in self._goals or id_ in self._clients:
+            raise NotDone(_TWICE)
+
+    def _begin_soon(self, goal: Goal, given: dict[str, Any], operation: SendActionGoal | Publish) -> None:
+        self._goals.add(goal)
+        run_in_background(self._begin(goal, given, operation))
 
     async def _begin(self, goal: Goal, given: dict[str, Any], operation: SendActionGoal | Publish) -> None:
         of = "publish" if isinstance(operation, Publish) else "send_action_goal"

@@ -23,7 +23,6 @@ RESULT_S = 1.0  # until the robot's result must have come after the end of its t
 
 _TOO_MANY = Refusal("busy", "Too many goals at once: wait for the ends of others.", "wire")
 _NO_STATE = Refusal("bridge_silent", "The robot’s bridge has not told its state yet. Try again.", "robot")
-_TWICE = Refusal("goal_twice", "A goal with this id is under way.", "wire")
 
 
 @dataclass(eq=False)
@@ -44,14 +43,16 @@ class Goal:
 
 
 class Goals(Listener):
-    """The goals of one client, in the order in which they came. They end with the link, and with the client."""
+    """The goals of one client until their ends are told, in the order in which they came.
+
+    They end with the link, and with the client.
+    """
 
     def __init__(self, client: Client) -> None:
         self._client = client
         self._goals: list[Goal] = []
         self._link: BridgeLink | None = None
         self._reports = Reports(client, self._heard)
-        self._ending: dict[str, Goal] = {}  # by action: its result may still come
 
     def leave(self) -> None:
         """Forget all goals: the bridge ends their tasks with control."""
@@ -64,16 +65,21 @@ class Goals(Listener):
         """Return the goals of an action."""
         return [goal for goal in self._goals if goal.name == name]
 
+    def __contains__(self, id_: str) -> bool:
+        """Return whether the client waits for the end of a goal with this id."""
+        return any(goal.id == id_ for goal in self._goals)
+
+    def add(self, goal: Goal) -> None:
+        """Count a goal as under way. `begin` follows."""
+        self._goals.append(goal)
+
     async def begin(self, goal: Goal, given: dict[str, Any]) -> None:
         """Ask for the task of a goal with these fields. Raises NotDone, after its end was told."""
-        if any(one.id == goal.id for one in self._goals):
-            raise NotDone(_TWICE)  # no end is told: the client would take it for that of the other
         try:
-            if len(self._goals) >= MOST_GOALS:
+            if len(self._goals) > MOST_GOALS:
                 raise NotDone(_TOO_MANY)
             make = goal.action.task(given)
             goal.before = self._seen()
-            self._goals.append(goal)
             if goal.action.reports:
                 await self._reports.listen(goal.name)
             await self._client.request(lambda fence, seq: _kept(goal, make(fence, seq)))
@@ -116,22 +122,22 @@ class Goals(Listener):
                         other.before = now
 
     def _end(self, goal: Goal, end: End) -> None:
-        self._forget(goal)
         goal.status = end.status
         run_in_background(self._tell_end(goal, end))
 
     async def _tell_end(self, goal: Goal, end: End) -> None:
         """Tell the end with the robot's result, which comes another way."""
         if end.status == SUCCEEDED and goal.action.reports:
-            self._ending[goal.name] = goal
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(goal.answered.wait(), RESULT_S)
-            self._ending.pop(goal.name, None)
+        self._forget(goal)
         await goal.told(goal, end)
 
     async def _heard(self, action: str, part: str, fields: dict[str, Any]) -> None:
         """Take what the robot says about the goal of this console that it carries out."""
-        goal = next((goal for goal in self.of(action) if goal.status == ACTIVE), self._ending.get(action))
+        waiting = [goal for goal in self.of(action) if not goal.answered.is_set()]
+        active = [goal for goal in waiting if goal.status == ACTIVE]
+        goal = next(iter(active or [goal for goal in waiting if goal.status == SUCCEEDED]), None)
         if goal is None:
             return
         if part == "feedback":

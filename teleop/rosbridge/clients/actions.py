@@ -48,6 +48,10 @@ class ClientActions:
         for number in list(self._taken):
             run_in_background(self._end(number, {"result": False, "values": _worded(CLIENT_LEFT)}))
 
+    def __contains__(self, id_: str) -> bool:
+        """Return whether this client waits for the end of a goal with this id that it sent to another."""
+        return id_ in self._sent
+
     # --- as the one that asks ---------------------------------------------------------------------------
 
     async def send(self, advertised: Advertised, goal: SendActionGoal) -> None:

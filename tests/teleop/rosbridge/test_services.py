@@ -179,8 +179,11 @@ async def test_a_clients_action_takes_goals_of_other_clients(open_client, bridge
     taken = await server.hears_op("send_action_goal", action="/count", args={"to": 3})
     await server.send("action_feedback", id=taken["id"], action="/count", values={"at": 1})
     assert (await other.hears_op("action_feedback", id="mine"))["values"] == {"at": 1}
+    await other.send("send_action_goal", id="mine", args={"to": 4}, **goal)
+    assert (await other.told("goal_twice"))["id"] == "mine"
     await other.send("cancel_action_goal", id="mine", action="/fleet/clients/count")
     await server.hears_op("cancel_action_goal", id=taken["id"])
+    assert not [one for one in server.inbox if one["op"] == "send_action_goal"]
     await server.send(
         "action_result", id=taken["id"], action="/count", values={"at": 2}, status=5, result=True
     )
