@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
@@ -22,17 +22,21 @@ MOST_IDS = 100  # subscriptions of one topic by one client
 _FORMS: dict[str, Form] = {"cbor-raw": "raw", "cbor": "cbor", "png": "json", "none": "json"}  # the first wins
 
 
+# Id and type. Two types under one id are two subscriptions: the wrong one must not replace the right one
+_Key = tuple[Id, str | None]
+
+
 class _Topic:
     """All subscriptions of one topic by one client: it gets each message once."""
 
     def __init__(self) -> None:
-        self.by_id: dict[Id, Subscribe] = {}
+        self.wanted: dict[_Key, Subscribe] = {}
         self.type = ""  # as its publishers say
         self.told = ""  # code of the last refusal that the client was told
 
     def settle(self) -> None:
         """Find how the messages are sent: as the most demanding subscription wants it."""
-        wanted = list(self.by_id.values())
+        wanted = list(self.wanted.values())
         kinds = {one.compression or "none" for one in wanted}
         self.compression = next(kind for kind in _FORMS if kind in kinds)
         self.form = _FORMS[self.compression]
@@ -70,15 +74,16 @@ class Subscribing(Family):
             _require_amount(field, getattr(operation, field))
         name = full_name(operation.topic)
         topic = self._topics.get(name) or _Topic()
-        if operation.id not in topic.by_id and len(topic.by_id) >= MOST_IDS:
+        key = operation.id, operation.type and full_type(operation.type)
+        if key not in topic.wanted and len(topic.wanted) >= MOST_IDS:
             text = say("A client may subscribe to one topic at most {most} times.", most=MOST_IDS)
             raise NotDone(Refusal("too_many_subscriptions", text, "limits", {"limit": MOST_IDS}))
         if refusal := _other_type(operation, topic.type):
             raise NotDone(refusal)
-        before = dict(topic.by_id)
-        topic.by_id[operation.id] = operation
+        before = dict(topic.wanted)
+        topic.wanted[key] = operation
         if refusal := self._read(name, topic):
-            topic.by_id = before
+            topic.wanted = before
             if before:
                 topic.settle()
             raise NotDone(refusal)
@@ -110,19 +115,22 @@ class Subscribing(Family):
     async def _unsubscribe(self, operation: Unsubscribe) -> None:
         name = full_name(operation.topic)
         topic = self._topics.get(name)
-        if topic is None or (operation.id is not None and operation.id not in topic.by_id):
+        ended = [key for key in topic.wanted if operation.id in (None, key[0])] if topic else []
+        if not ended:
             text = say("This client does not subscribe to {topic}.", topic=name)
             await self.client.status("warning", f"not_subscribed: {text}", operation.id)
             return
-        if operation.id is not None:
-            del topic.by_id[operation.id]
-        if operation.id is None or not topic.by_id:
-            self._end(name)
-        else:
-            self._read(name, topic)
+        self._end(name, ended)
 
-    def _end(self, name: str) -> None:
-        topic = self._topics.pop(name)
+    def _end(self, name: str, ended: Iterable[_Key]) -> None:
+        """End these subscriptions of a topic."""
+        topic = self._topics[name]
+        for key in ended:
+            topic.wanted.pop(key, None)
+        if topic.wanted:
+            self._read(name, topic)
+            return
+        del self._topics[name]
         self._cameras.end_viewing(name)
         if self._reader:
             self._reader.end(name, topic.form)
@@ -138,10 +146,12 @@ class Subscribing(Family):
             level: Level = "info" if refusal == STARTING else "warning"
             run_in_background(self.client.status(level, f"{refusal.code}: {refusal.text}"))
         topic.told = refusal.code if refusal else ""
-        for operation in list(topic.by_id.values()):
-            if other := _other_type(operation, topic.type):
-                run_in_background(self.client.refuse("subscribe", other, operation.id))
-                run_in_background(self._unsubscribe(Unsubscribe(operation.topic, operation.id)))
+        refused = {key: _other_type(one, topic.type) for key, one in topic.wanted.items()}
+        wrong = {key: other for key, other in refused.items() if other}
+        for (id_, _), other in wrong.items():
+            run_in_background(self.client.refuse("subscribe", other, id_))
+        if wrong:
+            self._end(state.topic, wrong)
 
     def _is_behind(self) -> bool:
         return self._sending > 0 or self.client.is_behind()

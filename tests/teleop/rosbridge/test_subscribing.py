@@ -119,6 +119,24 @@ async def test_another_type_than_expected_is_told(subscribe, tap):
     await tap.until(lambda wanted: TOPIC not in wanted)
 
 
+async def test_only_the_subscription_of_the_wrong_type_ends(subscribe, tap):
+    client = await subscribe(id=None, type="std_msgs/String")
+    await client.send("subscribe", topic=TOPIC, id="other")
+    await client.send("subscribe", topic=TOPIC, type="std_msgs/Int32")
+    await client.send("subscribe", topic="/last")
+    await tap.until(lambda wanted: "/last" in wanted)
+    tap.describe(TOPIC)
+    await client.told("other_type")
+    tap.publish(TOPIC, {"data": "hello"})
+    assert (await client.hears_op("publish"))["msg"] == {"data": "hello"}
+    await client.send("unsubscribe", topic=TOPIC, id="other")
+    await client.send("subscribe", topic="/more")
+    await tap.until(lambda wanted: "/more" in wanted)
+    tap.publish(TOPIC, {"data": "again"})
+    assert (await client.hears_op("publish"))["msg"] == {"data": "again"}
+    assert not [one for one in client.inbox if one["op"] == "status" and one["msg"].startswith("not_sub")]
+
+
 async def test_pictures_are_on_record(subscribe, tap):
     client = await subscribe(topic="/image", type="sensor_msgs/Image")
     tap.describe("/image", Kind("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"))
