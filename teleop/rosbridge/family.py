@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from fleet.accounts.models import User
@@ -92,12 +92,16 @@ class Family:
         """Return the services that this family answers, with their types, as rosapi lists them."""
         return {}
 
+    def actions(self) -> Iterable[str]:
+        """Return the actions that clients offer, as rosapi lists them."""
+        return ()
+
     def publisher(self, topic: str) -> Handler | None:
         """Return what takes messages that the client publishes on this topic; None: not this family."""
         return None
 
-    async def show(self, topic: str, message: Mapping[str, Any], *, by_client: bool = False) -> bool:
-        """Send a message of the console's own, or of another client: no such one under the name of a robot's topic.
+    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
+        """Send a message of the console's own, or of another client.
 
         Return False if the client does not subscribe to this topic here, or reads too slowly.
         """

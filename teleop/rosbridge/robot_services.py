@@ -21,7 +21,7 @@ class RobotServices(Family):
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self._rosapi = Rosapi(client.hub.link.query_topics, self._execute, self._listed)
+        self._rosapi = Rosapi(client.hub.link.query_topics, self._execute, self._listed, self._actions)
 
     def service(self, name: str) -> Service | None:
         if name in SERVICES:
@@ -49,3 +49,6 @@ class RobotServices(Family):
 
     def _listed(self) -> dict[str, str]:
         return {name: type_ for family in self.client.families for name, type_ in family.services().items()}
+
+    def _actions(self) -> set[str]:
+        return {name for family in self.client.families for name in family.actions()}

@@ -182,9 +182,8 @@ class Subscribing(Family):
         finally:
             self._sending -= 1
 
-    async def show(self, topic: str, message: Mapping[str, Any], *, by_client: bool = False) -> bool:
-        known = self._topics.get(topic)
-        if known is None or (by_client and known.type):
+    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
+        if (known := self._topics.get(topic)) is None:
             return False
         told = [{"op": "publish", "topic": name, "msg": message} for name in known.names]
         return all([await self.client.pass_on(one) for one in told])

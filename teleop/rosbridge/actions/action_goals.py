@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
@@ -65,6 +65,9 @@ class ActionGoals(Family):
     def service(self, name: str) -> Service | None:
         action = name.removesuffix(CANCEL_ALL)
         return self._cancel_all(action) if action != name and action in self._actions else None
+
+    def actions(self) -> Iterable[str]:
+        return (advertised.name for advertised in self._clients.advertised.listed())
 
     def leave(self) -> None:
         self._goals.leave()

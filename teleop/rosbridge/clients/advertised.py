@@ -34,7 +34,7 @@ _advertised: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Advertised]] = W
 
 
 def public_name(name: str) -> str:
-    """Return the name under which other clients find it."""
+    """Return the one name under which other clients find it: no name of the robot's own."""
     return name if name.startswith(CLIENTS) else f"{CLIENTS}{name.lstrip('/')}"
 
 
@@ -75,8 +75,8 @@ class Advertisements:
             self.remove(name)
 
     def find(self, name: str) -> Advertised | None:
-        """Return what any client advertises by this name; the prefix may be left out."""
-        return self._all.get((self._kind, public_name(name)))
+        """Return what any client advertises by this name."""
+        return self._all.get((self._kind, name))
 
     def usable(self, advertised: Advertised) -> Advertised:
         """Return it if this client may use it. Raises NotDone."""

@@ -46,8 +46,7 @@ class ClientServices(Family):
         }
 
     def service(self, name: str) -> Service | None:
-        found = name.startswith(CLIENTS) or self.advertised.find(name) is not None
-        return partial(self._call, name) if found else None
+        return partial(self._call, name) if name.startswith(CLIENTS) else None
 
     def services(self) -> Mapping[str, str]:
         return {advertised.name: advertised.type for advertised in self.advertised.listed()}

@@ -11,7 +11,6 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import check_role, required_role
 from teleop.live.robot_hub import RobotHub
-from teleop.rosbridge.clients.advertised import public_name
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Publish, full_name
 
@@ -38,9 +37,9 @@ class ActionTopics(Family):
 
     def publisher(self, topic: str) -> Handler | None:
         name, _, part = topic.rpartition("/")
-        if part not in (*OF_SERVER, *OF_ASKER):
+        if part not in (*OF_SERVER, *OF_ASKER) or not name.startswith(CLIENTS):
             return None
-        wanted = "call", public_name(name)
+        wanted = "call", name
         allowed = self.client.hub.entry.allowed
         offered = any((one.what, one.name) == wanted and one.type.endswith("Action") for one in allowed)
         return self._publish if offered else None
@@ -50,7 +49,7 @@ class ActionTopics(Family):
 
     async def _publish(self, operation: Publish) -> None:
         self.client.require(Scope.TOPICS)
-        topic = public_name(full_name(operation.topic))
+        topic = full_name(operation.topic)
         name, _, part = topic.rpartition("/")
         needed = required_role(self.client.hub.entry.allowed, "call", name)
         if refusal := check_role(self.client.rights, needed, name):
@@ -61,7 +60,6 @@ class ActionTopics(Family):
                 raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
             self._serves.add(name)
         message = (OF_SERVER | OF_ASKER)[part] | operation.msg
-        for spelt in (topic, f"/{topic.removeprefix(CLIENTS)}"):
-            for one in list(self._all):
-                for family in one.client.families:
-                    await family.show(spelt, message, by_client=True)
+        for one in list(self._all):
+            for family in one.client.families:
+                await family.show(topic, message)

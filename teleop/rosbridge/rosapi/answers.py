@@ -38,7 +38,7 @@ S = TypeVar("S", bound=Struct)
 class Rosapi:
     """rosapi for one connection. `query` asks the inspector, `change` sets or deletes a parameter; both raise NotDone.
 
-    `own` returns further services that this connection may call, with their types.
+    `own` returns further services that this connection may call, with their types; `own_actions` further actions.
     """
 
     def __init__(
@@ -46,10 +46,12 @@ class Rosapi:
         query: Callable[[Query], Awaitable[str]],
         change: Callable[[wire.SetParameter | wire.DeleteParameter], Awaitable[str]],
         own: Callable[[], Mapping[str, str]],
+        own_actions: Callable[[], Iterable[str]],
     ) -> None:
         self._query = query
         self._change = change
         self._own = own
+        self._own_actions = own_actions
         self._graph: tuple[float, asyncio.Future[wire.Graph]] | None = None
         self._room = asyncio.Semaphore(MOST_AT_ONCE)  # the inspector answers other people, too
         self._budget = TokenBucket(QUERIES_PER_S, QUERIES_BURST)
@@ -119,7 +121,8 @@ class Rosapi:
         return {"node": next((row.node for row in rows if row.name == name), "")}
 
     async def action_servers(self, _: Mapping[str, Any]) -> Answer:
-        return {"action_servers": [row.name for row in (await self.graph()).actions]}
+        robots = (row.name for row in (await self.graph()).actions)
+        return {"action_servers": sorted({*robots, *self._own_actions()})}
 
     # --- definitions ----------------------------------------------------------------------------------
 

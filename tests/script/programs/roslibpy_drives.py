@@ -188,7 +188,8 @@ def offers_a_service() -> None:
 
 
 def offers_an_action() -> None:
-    server = actionlib.SimpleActionServer(operator, "/fibonacci", "actionlib_tutorials/FibonacciAction")
+    fibonacci = "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction"
+    server = actionlib.SimpleActionServer(operator, *fibonacci)
 
     def execute(goal: Any) -> None:
         server.send_feedback({"sequence": [0, 1]})
@@ -200,7 +201,7 @@ def offers_an_action() -> None:
         server.set_preempted()
 
     server.start(execute)
-    client = actionlib.ActionClient(staff, "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction")
+    client = actionlib.ActionClient(staff, *fibonacci)
     goal = actionlib.Goal(client, {"order": 3})
     goal.send()
     assert goal.wait(ANSWER_S)["sequence"] == [0, 1, 1, 2]

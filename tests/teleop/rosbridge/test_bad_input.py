@@ -131,15 +131,15 @@ async def test_what_others_say_to_a_client_that_does_not_read_does_not_grow(
     client = Client(robot.slug, token=await make_token("operator"))
     client._socket.scope["extensions"] = {WRITABLE: reads}
     await client.open()
-    await client.send("subscribe", topic="/count/feedback")
+    await client.send("subscribe", topic="/fleet/clients/count/feedback")
     await client.call("/fleet/renew_control")
     reads.clear()
     other = await open_client("second_operator")
     for text in ("a" * 100, "b" * 300):
-        await other.send("publish", topic="/count/feedback", msg={"feedback": text})
+        await other.send("publish", topic="/fleet/clients/count/feedback", msg={"feedback": text})
     await other.call("/fleet/renew_control")
     reads.set()
-    await other.send("publish", topic="/count/feedback", msg={"feedback": "c"})
+    await other.send("publish", topic="/fleet/clients/count/feedback", msg={"feedback": "c"})
     heard = [(await client.hears_op("publish"))["msg"]["feedback"] for _ in range(2)]
     assert heard == ["a" * 100, "c"]
     await client.close()

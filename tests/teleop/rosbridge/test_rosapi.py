@@ -93,7 +93,8 @@ def robot() -> Robot:
 
 @pytest.fixture
 def ask(robot: Robot) -> Any:
-    rosapi = Rosapi(robot.query, robot.query, lambda: {"/fleet/take_control": "std_srvs/Trigger"})
+    own = {"/fleet/take_control": "std_srvs/Trigger"}
+    rosapi = Rosapi(robot.query, robot.query, lambda: own, lambda: ["/fleet/clients/count"])
 
     async def call(service: str, /, **args: Any) -> Any:
         return await rosapi.call(f"/rosapi/{service}", args)
@@ -127,7 +128,7 @@ def ask(robot: Robot) -> Any:
         ("services_for_type", {"type": "std_srvs/Trigger"}, {"services": ["/fleet/take_control"]}),
         ("service_providers", {"service": "std_srvs/SetBool"}, {"providers": ["/voice"]}),
         ("service_node", {"service": "/lamp"}, {"node": "/voice"}),
-        ("action_servers", {}, {"action_servers": ["/move_base"]}),
+        ("action_servers", {}, {"action_servers": ["/fleet/clients/count", "/move_base"]}),
         ("get_param", {"name": "/volume"}, {"value": "50"}),
         ("get_param", {"name": "kitchen/oven"}, {"value": "true"}),
         ("get_param", {"name": "/nothing"}, {"value": "null"}),

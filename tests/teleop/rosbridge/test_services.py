@@ -102,14 +102,37 @@ async def test_a_clients_service_answers_other_clients(server, open_client):
     await server.send("service_response", service="/add", id=asked["id"], values={"sum": 3}, result=True)
     answer = await other.hears_op("service_response", id="call:1")
     assert (answer["service"], answer["values"], answer["result"]) == (ADD, {"sum": 3}, True)
-    await other.send("call_service", service="add", id="short")
-    asked = await server.hears_op("call_service", service="/add")
-    await server.send("service_response", service="/add", id=asked["id"], values={}, result=True)
-    await other.hears_op("service_response", id="short", service="add")
     await other.send("call_service", service=ADD, id="call:2")
     asked = await server.hears_op("call_service", service="/add")
     await server.send("service_response", service="/add", id=asked["id"], values="no", result=False)
     assert "service_failed: " in (await other.hears_op("service_response", id="call:2"))["values"]
+
+
+async def test_names_of_the_robot_are_never_a_clients(server, open_client, bridge):
+    rows = [wire.ServiceRow("/add", "/robot")], [wire.ActionRow("/count", "lab_msgs/CountAction")]
+    bridge.answer = lambda ask: (
+        wire.Graph([], rows[1], rows[0], ask.seq)
+        if isinstance(ask, wire.ListTopics)
+        else wire.ServiceTypes({"/add": "robot_srvs/Add"}, ask.seq)
+    )
+    other = await open_client("second_operator")
+    await eventually_offered(other)
+    await server.send("advertise_action", action="/count", type="lab_msgs/CountAction")
+    await server.send("subscribe", topic="/count/goal")
+    await server.send("subscribe", topic="/fleet/clients/count/goal")
+    await server.call("/fleet/renew_control")  # its answer comes after the offer
+    assert (await other.call("/add"))["values"].startswith("not_allowed: ")
+    await other.send("send_action_goal", id="mine", action="/count", args={})
+    assert (await other.hears_op("action_result", id="mine"))["values"].startswith("not_allowed: ")
+    await other.send("publish", topic="/count/goal", msg={}, id="publish:1")
+    assert (await other.hears_op("status", id="publish:1"))["msg"].startswith("not_allowed: /count/goal")
+    assert (await other.call("/rosapi/service_type", service="/add"))["values"]["type"] == "robot_srvs/Add"
+    assert {"/add", ADD} <= set((await other.call("/rosapi/services"))["values"]["services"])
+    listed = (await other.call("/rosapi/action_servers"))["values"]["action_servers"]
+    assert listed == ["/count", "/fleet/clients/count"]
+    await other.send("publish", topic="/fleet/clients/count/goal", msg={})
+    assert (await server.hears_op("publish"))["topic"] == "/fleet/clients/count/goal"
+    assert not [one for one in server.inbox if one["op"] in ("call_service", "send_action_goal")]
 
 
 async def eventually_offered(client) -> None:
@@ -219,24 +242,24 @@ async def test_a_client_that_leaves_cancels_the_goals_that_it_sent(open_client, 
 
 async def test_a_clients_action_by_topics_reaches_other_clients_only(open_client, bridge):
     server, other = await open_client("operator"), await open_client("second_operator")
-    await server.send("subscribe", topic="/count/goal")
+    await server.send("subscribe", topic="/fleet/clients/count/goal")
     await other.send("subscribe", topic="/fleet/clients/count/status")
     await other.call("/fleet/renew_control")  # its answer comes after the subscription
-    await server.send("advertise", topic="/count/status", type="actionlib_msgs/GoalStatusArray")
-    await server.send("publish", topic="/count/status", msg={"status_list": []})
+    await server.send("advertise", topic="/fleet/clients/count/status", type="actionlib_msgs/GoalStatusArray")
+    await server.send("publish", topic="/fleet/clients/count/status", msg={"status_list": []})
     heard = await other.hears_op("publish", topic="/fleet/clients/count/status")
     assert heard["msg"] == {"status_list": []}
     await other.send("publish", topic="/fleet/clients/count/goal", msg={"goal": {"to": 3}})
-    assert (await server.hears_op("publish", topic="/count/goal"))["msg"]["goal"] == {"to": 3}
-    await server.send("subscribe", topic="/count/cancel")
+    assert (await server.hears_op("publish", topic="/fleet/clients/count/goal"))["msg"]["goal"] == {"to": 3}
+    await server.send("subscribe", topic="/fleet/clients/count/cancel")
     await server.call("/fleet/renew_control")
     await other.send("publish", topic="/fleet/clients/count/cancel", msg={"id": "mine"})
-    cancel = await server.hears_op("publish", topic="/count/cancel")
+    cancel = await server.hears_op("publish", topic="/fleet/clients/count/cancel")
     assert cancel["msg"] == {"id": "mine", "stamp": {"secs": 0, "nsecs": 0}}
-    await other.send("publish", topic="/count/result", msg={})
+    await other.send("publish", topic="/fleet/clients/count/result", msg={})
     await other.told("name_taken")
     assert not bridge.all(wire.Publish)
     await server.close()
-    await other.send("publish", topic="/count/result", msg={}, id="again")
+    await other.send("publish", topic="/fleet/clients/count/result", msg={}, id="again")
     await other.send("publish", topic="/other/result", msg={})
     assert "/other/result" in (await other.told("not_allowed"))["msg"]
