@@ -12,7 +12,8 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Hashable, Mapping
 from contextlib import suppress
 from functools import cache
 from typing import TypeVar, get_args
@@ -53,6 +54,7 @@ _TASK_TIMEOUT_S = 5.0  # the page stops waiting much earlier
 _RECORD_TIMEOUT_S = 12.0  # the bridge answers within 10 s, when its recorder has started
 _QUERY_TIMEOUT_S = 12.0  # the bridge reports a failure after 2 s, or after 10 s while its inspector starts
 _MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
+_MOST_QUERIES_OF_PERSON = 8  # so that calls that never return shut out nobody else
 SILENT_S = 2.0  # a bridge reports its state twice a second
 _LINK_STOP_S = 0.3  # if a stop has no answer after this time, the link may be dead
 # Names of viewers; further viewers are only counted, because the size of a message is limited
@@ -70,6 +72,12 @@ OTHER_PROTOCOL = Refusal(
 )
 _FAULTY = Refusal("link_fault", "The server failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
+_TOO_MANY_QUERIES = Refusal(
+    "busy",
+    say("More than {most} queries at once: wait for the answers.", most=_MOST_QUERIES_OF_PERSON),
+    "limits",
+    {"limit": _MOST_QUERIES_OF_PERSON},
+)
 
 _OTHER_ROBOT = Refusal(
     "other_robot",
@@ -151,6 +159,7 @@ class BridgeLink:
         # By kind, fence and number
         self._task_requests: PendingReplies[Accepted | Refused] = PendingReplies()
         self._queries: PendingReplies[str] = PendingReplies()  # by number
+        self._asking: Counter[Hashable] = Counter()  # pending queries by person
         self._pause_s = _BACK_OFF_S[0]
         self.tried = asyncio.Event()  # set after the first attempt to connect, with or without success
         self.closed = False
@@ -331,13 +340,22 @@ class BridgeLink:
             await self._ask(structs.replace(order, seq=number))
             return await _await_answer(answer, _RECORD_TIMEOUT_S)
 
-    async def query_topics(self, question: wire.TopicQuery | wire.DoorQuery) -> str:
-        """Send a query about topics. Returns the encoded `wire.DoorAnswer`, or raises LinkRefused."""
+    async def query_topics(self, question: wire.TopicQuery | wire.DoorQuery, *, person: Hashable) -> str:
+        """Send a query about topics for a person (None: for the console itself).
+
+        Returns the encoded `wire.DoorAnswer`, or raises LinkRefused.
+        """
         self._require_capacity(self._queries, _MOST_QUERIES)
-        number = self._queries.number()
-        with self._queries.waiting_for(number) as answer:
-            await self._ask(wire.LinkQuery(number, question))
-            return await _await_answer(answer, _QUERY_TIMEOUT_S)
+        if person is not None and self._asking[person] >= _MOST_QUERIES_OF_PERSON:
+            raise LinkRefused(_TOO_MANY_QUERIES)
+        self._asking[person] += 1
+        try:
+            number = self._queries.number()
+            with self._queries.waiting_for(number) as answer:
+                await self._ask(wire.LinkQuery(number, question))
+                return await _await_answer(answer, _QUERY_TIMEOUT_S)
+        finally:
+            self._asking -= Counter([person])  # drops those that reach zero
 
     async def close(self) -> None:
         """End the link. It cannot be opened again."""

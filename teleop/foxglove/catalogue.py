@@ -129,7 +129,7 @@ class Catalogue:
             await asyncio.sleep(READ_S)
 
     async def _read_once(self) -> None:
-        raw = await self.link.query_topics(wire.ListTopics())
+        raw = await self.link.query_topics(wire.ListTopics(), person=None)
         if raw != self._raw:
             graph = _decoded(raw)
             self._raw, self._rows = raw, graph.topics
@@ -167,7 +167,7 @@ class Catalogue:
                 self._texts[type_name] = (await self._ask(wire.Describe(type_name, topic))).text
 
     async def _ask(self, query: wire.TopicQuery | wire.DoorQuery) -> Any:
-        return _decoded(await self.link.query_topics(query))
+        return _decoded(await self.link.query_topics(query, person=None))
 
     def _kept(self, topic: str, type_name: str) -> Channel:
         """Return the topic's channel: the same one, also after `correct`, while the master lists the same type."""

@@ -42,7 +42,7 @@ async def execute(call: ServiceCall, *, hub: RobotHub, user: User, rights: Right
         raise ControlRefused(refusal)
     begun = await in_database(_record, call, hub, user)
     try:
-        answer = await hub.link.query_topics(call)
+        answer = await hub.link.query_topics(call, person=user.pk)
     except LinkRefused as refused:
         run_in_background(in_database(_record_outcome, begun, user, refused.refusal))
         raise

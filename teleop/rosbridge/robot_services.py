@@ -21,7 +21,7 @@ class RobotServices(Family):
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self._rosapi = Rosapi(client.hub.link.query_topics, self._execute, self._listed, self._actions)
+        self._rosapi = Rosapi(self._query, self._execute, self._listed, self._actions)
 
     def service(self, name: str) -> Service | None:
         if name in SERVICES:
@@ -42,6 +42,9 @@ class RobotServices(Family):
             text = say("The message does not fit: {error}", error=str(error))
             raise NotDone(Refusal("invalid", text, "wire")) from error
         return answered(await self._execute(call), wire.Called).fields
+
+    async def _query(self, query: wire.TopicQuery | wire.DoorQuery) -> str:
+        return await self.client.hub.link.query_topics(query, person=self.client.user.pk)
 
     async def _execute(self, call: ServiceCall) -> str:
         client = self.client

@@ -102,4 +102,4 @@ class TopicsConsumer(RobotSocket):
     async def _ask(self, query: TopicQuery) -> str:
         if isinstance(query, ServiceCall):
             return await execute(query, hub=self.hub, user=self.user, rights=self.rights)
-        return await self.hub.link.query_topics(query)
+        return await self.hub.link.query_topics(query, person=self.user.pk)

@@ -275,7 +275,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
     for _ in range(2000):
         if not await link.forward(drive):
             break
-    for asked in (link.request_task(wire.Play(2, "wave")), link.query_topics(wire.ListTopics())):
+    for asked in (link.request_task(wire.Play(2, "wave")), link.query_topics(wire.ListTopics(), person=None)):
         with pytest.raises(LinkRefused) as refused:
             await asked
         assert refused.value.refusal.code == "busy"
@@ -287,7 +287,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
 
 async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     [remote] = bridge.server.links
-    asking = asyncio.ensure_future(link.query_topics(wire.ListTopics()))
+    asking = asyncio.ensure_future(link.query_topics(wire.ListTopics(), person=None))
     await link.stop(wire.LinkStop("Ann"))  # after this answer, the query has arrived, too
     large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
     remote.report(wire.LinkAnswer(1, msgspec.Raw(large)))

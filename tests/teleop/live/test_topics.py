@@ -126,7 +126,7 @@ async def test_query_refused_by_the_bridge_is_answered(open_topics, bridge):
 
 
 async def test_bridge_without_answer_is_reported_as_silent(open_topics, bridge, monkeypatch):
-    monkeypatch.setattr("robots.link.client.BridgeLink.query_topics.__defaults__", (0.05,))
+    monkeypatch.setattr("robots.link.client._QUERY_TIMEOUT_S", 0.05)
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("parameters", seq=2)

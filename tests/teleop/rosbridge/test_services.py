@@ -12,6 +12,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
 from teleop.rosbridge.clients import services
+from teleop.rosbridge.service_calls import MOST_PENDING
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -57,6 +58,28 @@ async def test_a_service_of_the_allow_list_is_called_by_staff_in_control(open_cl
     asked = await bridge.hears(wire.LinkQuery, lambda query: isinstance(query.ask, wire.CallService))
     assert (asked.ask.fields, asked.ask.whole) == ({"data": True}, True)
     assert await in_database(Record.objects.filter(kind="service.call", of=None).exists)
+
+
+async def test_calls_that_never_return_shut_out_nobody_else(open_client, bridge, monkeypatch):
+    answer = bridge._answer
+
+    def answer_but_calls(link, message) -> None:
+        if not (isinstance(message, wire.LinkQuery) and isinstance(message.ask, wire.CallService)):
+            answer(link, message)
+
+    monkeypatch.setattr(bridge, "_answer", answer_but_calls)
+    bridge.answer = lambda ask: wire.Parameters(["/a"], ask.seq)
+    client, other = await open_client("staff"), await open_client("operator")
+    await client.take()
+    for number in range(MOST_PENDING):
+        await client.send("call_service", service="/lamp", args={"data": True}, id=f"call:{number}")
+    busy = "busy: More than 8 queries at once"
+    refused = [await client.hears_op("service_response") for _ in range(MOST_PENDING - 8)]
+    assert all(one["values"].startswith(busy) for one in refused)
+    assert (await other.call("/rosapi/get_param_names"))["values"] == {"names": ["/a"]}
+    bridge.cut()
+    for _ in range(8):
+        await client.hears_op("service_response")
 
 
 async def test_other_services_are_refused_with_a_reason(driver, bridge):

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MOST_QUESTIONS = 16  # at once
+MOST_QUESTIONS = 32  # at once: as many as a web process asks
 LARGEST_ANSWER = 1024 * 1024  # bytes; the bridge accepts longer lines
 
 _request = msgspec.json.Decoder(Request)
