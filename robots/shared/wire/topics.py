@@ -89,6 +89,13 @@ class ListServiceTypes(Struct, frozen=True, tag_field="t", tag="service_types"):
     seq: Seq = 0
 
 
+class LocateService(Struct, frozen=True, tag_field="t", tag="locate_service"):
+    """The computer of a service, as its master has it. Answer: `ServiceHost`."""
+
+    service: TopicName
+    seq: Seq = 0
+
+
 class DescribeServiceType(Struct, frozen=True, tag_field="t", tag="describe_service_type"):
     """The fields of a service type's request or response. Answer: `Described`."""
 
@@ -124,7 +131,13 @@ class GetTime(Struct, frozen=True, tag_field="t", tag="time"):
 
 # Asked by the doors of other protocols; a page needs none of them
 DoorQuery = (
-    ListServiceTypes | DescribeServiceType | ListDefinitions | GetAllParameters | DeleteParameter | GetTime
+    ListServiceTypes
+    | LocateService
+    | DescribeServiceType
+    | ListDefinitions
+    | GetAllParameters
+    | DeleteParameter
+    | GetTime
 )
 
 
@@ -228,6 +241,13 @@ class ServiceTypes(Struct, frozen=True, tag_field="t", tag="types_of_services"):
     seq: int = 0
 
 
+class ServiceHost(Struct, frozen=True, tag_field="t", tag="service_host"):
+    """Name or address of the computer of a service; "": the robot has no such service."""
+
+    host: str
+    seq: int = 0
+
+
 class Definitions(Struct, frozen=True, tag_field="t", tag="texts_of_types"):
     """Definitions by type, each followed by the types within it; "" for those that are not known."""
 
@@ -244,7 +264,7 @@ class RobotTime(Struct, frozen=True, tag_field="t", tag="robot_time"):
 
 
 TopicAnswer = Graph | Described | Parameters | Parameter | Called | Refused
-DoorAnswer = TopicAnswer | ServiceTypes | Definitions | RobotTime
+DoorAnswer = TopicAnswer | ServiceTypes | ServiceHost | Definitions | RobotTime
 
 
 class Sample(Struct, frozen=True, tag_field="t", tag="sample"):

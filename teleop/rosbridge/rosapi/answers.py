@@ -120,6 +120,9 @@ class Rosapi:
         rows = (await self.graph()).services
         return {"node": next((row.node for row in rows if row.name == name), "")}
 
+    async def service_host(self, args: Mapping[str, Any]) -> Answer:
+        return {"host": (await self.ask(wire.LocateService(_name(args, "service")), wire.ServiceHost)).host}
+
     async def action_servers(self, _: Mapping[str, Any]) -> Answer:
         robots = (row.name for row in (await self.graph()).actions)
         return {"action_servers": sorted({*robots, *self._own_actions()})}
@@ -270,6 +273,7 @@ _TYPES = {  # by method
     "service_providers": "ServiceProviders",
     "service_type": "ServiceType",
     "service_node": "ServiceNode",
+    "service_host": "ServiceHost",
     "action_servers": "GetActionServers",
     "message_details": "MessageDetails",
     "service_request_details": "ServiceRequestDetails",

@@ -623,6 +623,8 @@ def test_services_have_types_and_types_have_requests_and_responses(inspector):
             "/lamp": "std_srvs/SetBool"
         }
         assert inspector.ask(wire.ListServiceTypes()).types["/lamp"] == "std_srvs/SetBool"
+        assert inspector.ask(wire.LocateService("/lamp")).host == rosgraph.network.get_host_name().lower()
+    assert inspector.ask(wire.LocateService("/nobody")).host == ""
     request = inspector.ask(wire.DescribeServiceType("std_srvs/SetBool"))
     response = inspector.ask(wire.DescribeServiceType("std_srvs/SetBool", response=True))
     assert [field.name for field in request.fields] == ["data"]

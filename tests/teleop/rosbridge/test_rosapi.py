@@ -63,6 +63,8 @@ class Robot:
                 return GRAPH
             case wire.ListServiceTypes(services=names):
                 return wire.ServiceTypes({name: TYPES[name] for name in names or TYPES if name in TYPES})
+            case wire.LocateService(service=name):
+                return wire.ServiceHost("tiago-1c" if name in TYPES else "")
             case wire.ListDefinitions():
                 return wire.Definitions({"std_msgs/String": "string data"})
             case wire.Describe(type="lab_msgs/Weather") | wire.DescribeServiceType(type="lab_msgs/Weather"):
@@ -128,6 +130,8 @@ def ask(robot: Robot) -> Any:
         ("services_for_type", {"type": "std_srvs/Trigger"}, {"services": ["/fleet/take_control"]}),
         ("service_providers", {"service": "std_srvs/SetBool"}, {"providers": ["/voice"]}),
         ("service_node", {"service": "/lamp"}, {"node": "/voice"}),
+        ("service_host", {"service": "/lamp"}, {"host": "tiago-1c"}),
+        ("service_host", {"service": "/nothing"}, {"host": ""}),
         ("action_servers", {}, {"action_servers": ["/fleet/clients/count", "/move_base"]}),
         ("get_param", {"name": "/volume"}, {"value": "50"}),
         ("get_param", {"name": "kitchen/oven"}, {"value": "true"}),
@@ -228,7 +232,7 @@ async def test_a_failed_list_is_asked_again(ask, robot):
 
 
 def test_each_service_has_a_type():
-    assert len(SERVICES) == 25
+    assert len(SERVICES) == 26
 
 
 def test_a_text_that_a_publisher_made_for_it_takes_no_time():

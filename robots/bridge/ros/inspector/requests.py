@@ -223,6 +223,8 @@ class Inspector:
             case wire.ListServiceTypes(services=names, seq=seq):
                 names = names or list(self._master.system_state().services)
                 return wire.ServiceTypes(services.types_of(self._master, names), seq)
+            case wire.LocateService(service=name, seq=seq):
+                return wire.ServiceHost(services.host_of(self._master, name), seq)
             case wire.DescribeServiceType(type=type_name, response=response, seq=seq):
                 return _described(services.described(type_name, response), seq)
             case wire.ListDefinitions(seq=seq):

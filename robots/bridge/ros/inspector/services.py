@@ -75,6 +75,14 @@ def types_of(master: Master, names: Iterable[str]) -> dict[str, str]:
     }
 
 
+def host_of(master: Master, name: str) -> str:
+    """Return the name or address of a service's computer; "" if there is no such service. Raises MasterError."""
+    try:
+        return cut(_located(master, name)[0], NAME)
+    except Declined:
+        return ""
+
+
 def _installed(type_name: str) -> Any:
     try:
         return service_class(type_name)
@@ -88,14 +96,19 @@ def _installed(type_name: str) -> Any:
 
 def _probed(master: Master, name: str) -> tuple[tuple[str, int], dict[str, str]]:
     """Return the address of a service, and what it says about itself. Raises MasterError or Declined."""
+    address = _located(master, name)
+    return address, _ask(name, address, {"md5sum": "*", "probe": "1"})
+
+
+def _located(master: Master, name: str) -> tuple[str, int]:
+    """Return the address of a service. Raises MasterError or Declined."""
     try:
         uri = urlsplit(master.call("lookupService", name))
     except NotThere:
         raise Declined(
             "no_service", say("The robot has no service {name}.", name=name), service=name
         ) from None
-    address = (uri.hostname or "", uri.port or 0)
-    return address, _ask(name, address, {"md5sum": "*", "probe": "1"})
+    return uri.hostname or "", uri.port or 0
 
 
 def call(
