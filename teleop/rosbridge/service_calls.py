@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,9 +11,9 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
 from teleop.live.consumers.message_socket import BUSY
-from teleop.rosbridge.control_services import STOP
+from teleop.rosbridge.control_services import STOP, ControlServices
 from teleop.rosbridge.family import Family, Handler, Service
-from teleop.rosbridge.operations import CallService, Operation, full_name
+from teleop.rosbridge.operations import CallService, Number, Operation, full_name
 
 MOST_PENDING = 32  # calls of one client
 
@@ -27,8 +28,8 @@ class ServiceCalls(Family):
 
     async def _call(self, call: CallService) -> None:
         name = full_name(call.service)
-        found = (family.service(name) for family in self.client.families)
-        service = next(filter(None, found), None)
+        found = ((family, family.service(name)) for family in self.client.families)
+        family, service = next(((one, service) for one, service in found if service), (None, None))
         if service is None:
             text = say("{name} is not on the allow-list for this. Ask the staff.", name=name)
             await self._answer(call, Refusal("not_allowed", text, "robot", {"name": name}))
@@ -36,13 +37,17 @@ class ServiceCalls(Family):
             await self._answer(call, BUSY)
         else:
             self._pending += 1
-            run_in_background(self._run(call, service))
+            # Control that came after its refusal would be nobody's
+            timeout_s = None if isinstance(family, ControlServices) else call.timeout
+            run_in_background(self._run(call, service, timeout_s))
 
-    async def _run(self, call: CallService, service: Service) -> None:
+    async def _run(self, call: CallService, service: Service, timeout_s: Number) -> None:
+        """Answer within the time that the client gives, if it gives one; the call goes on, and takes its place."""
+        answering = asyncio.ensure_future(_asked(service, call))
         try:
-            await self._answer(call, await service(_arguments(call)))
-        except NotDone as refused:
-            await self._answer(call, refused.refusal)
+            await asyncio.wait({answering}, timeout=timeout_s if timeout_s and timeout_s > 0 else None)
+            await self._answer(call, answering.result() if answering.done() else _silent(call, timeout_s))
+            await asyncio.wait({answering})
         finally:
             self._pending -= 1
 
@@ -60,6 +65,22 @@ class ServiceCalls(Family):
         await self.client.send_as(text, call.compression or "none", size)
         if isinstance(answer, Refusal):
             await self.client.refuse("call_service", answer, call.id)
+
+
+async def _asked(service: Service, call: CallService) -> dict[str, Any] | Refusal:
+    try:
+        return await service(_arguments(call))
+    except NotDone as refused:
+        return refused.refusal
+
+
+def _silent(call: CallService, seconds: Number) -> Refusal:
+    text = say(
+        "{service} did not answer within {seconds} s: whether it was carried out is not known.",
+        service=call.service,
+        seconds=seconds,
+    )
+    return Refusal("service_silent", text, "wire", {"service": call.service})
 
 
 def _arguments(call: CallService) -> dict[str, Any]:

@@ -186,6 +186,18 @@ async def test_a_service_that_never_answers_is_given_up(server, open_client, mon
     await server.told("no_call")
 
 
+async def test_a_call_ends_within_the_time_that_its_client_gives(server, open_client):
+    other = await open_client("second_operator")
+    await eventually_offered(other)
+    await other.send("call_service", service=ADD, id="call:1", timeout=0.05)
+    answer = await other.hears_op("service_response", id="call:1")
+    assert answer["values"].startswith(f"service_silent: {ADD} did not answer within 0.05 s")
+    asked = await server.hears_op("call_service")
+    await server.send("service_response", service="/add", id=asked["id"], values={}, result=True)
+    assert (await other.call("/fleet/release_control"))["values"].startswith("no_lease: ")
+    assert not [one for one in other.inbox if one.get("id") == "call:1" and one["op"] != "status"]
+
+
 @pytest.mark.parametrize(
     ("service", "type_", "code"),
     [
