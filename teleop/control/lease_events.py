@@ -10,13 +10,14 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from typing import Any
 from uuid import UUID, uuid4
 
 from channels.layers import get_channel_layer
 
-log = logging.getLogger(__name__)
+from teleop.background.channel_group import keep_receiving
 
-_RETRY_S = 2.0
+log = logging.getLogger(__name__)
 
 
 class LeaseEvents:
@@ -26,7 +27,7 @@ class LeaseEvents:
         self._group = f"control.{robot_id.hex}"
         self._on_change = on_change
         self._origin = uuid4().hex
-        self._task = asyncio.create_task(self._listen())
+        self._task = asyncio.create_task(keep_receiving(self._group, self._receive))
 
     async def publish(self) -> None:
         """Inform the other web processes."""
@@ -44,19 +45,6 @@ class LeaseEvents:
         with suppress(asyncio.CancelledError):
             await self._task
 
-    async def _listen(self) -> None:
-        layer = get_channel_layer()
-        while layer is not None:
-            try:
-                channel = await layer.new_channel()
-                await layer.group_add(self._group, channel)
-                try:
-                    while True:
-                        event = await layer.receive(channel)
-                        if event["by"] != self._origin:
-                            await self._on_change()
-                finally:
-                    await layer.group_discard(self._group, channel)
-            except Exception as error:  # noqa: BLE001 - the outermost level: the loop starts again
-                log.warning("No lease events arrive from other web processes now: %s", error)
-                await asyncio.sleep(_RETRY_S)
+    async def _receive(self, event: dict[str, Any]) -> None:
+        if event["by"] != self._origin:
+            await self._on_change()

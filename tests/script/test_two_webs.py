@@ -21,6 +21,7 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS
 from tests.processes import until
 from tests.script.house import House
+from tests.script.programs.rosbridge_client import RosbridgeClient
 from tests.script.support import drive_forward, token
 
 NEWS_S = 15.0
@@ -74,6 +75,77 @@ def test_a_second_supervisor_ends_and_changes_nothing(house: House, tmp_path: Pa
     assert second.returncode == EXIT_ALREADY_RUNNING
     assert f"{socket.gethostname()[:28]}, process {house.stack.supervisor.pid}" in second.stderr
     assert not list(tmp_path.glob("*.sock"))
+
+
+def test_clients_of_either_web_process_find_each_other(house: House) -> None:
+    asyncio.run(share(house))
+
+
+async def share(house: House) -> None:
+    stack = house.stack
+    texts = [token(stack, role, "topics", name=role) for role in ("operator", "supervisor")]
+    add, count = "/fleet/clients/add_two_ints", "/fleet/clients/fibonacci"
+    count_type = "actionlib_tutorials/FibonacciAction"
+    async with (
+        RosbridgeClient(stack, ROBOT, texts[0]) as server,
+        RosbridgeClient(stack, ROBOT, texts[1], port=house.second_port) as other,
+    ):
+        offer = {"op": "advertise_service", "service": add, "type": "rospy_tutorials/AddTwoInts"}
+        await server.send(offer)
+        await server.send({"op": "advertise_action", "action": count, "type": count_type})
+        await other.send({"op": "subscribe", "topic": f"{count}/status"})
+        await lists(other, "action_servers", count)
+        await lists(other, "services", add)
+        await other.send(offer)
+        await other.told("name_taken")
+
+        asking = asyncio.create_task(other.ask(add, a=2, b=3))
+        called = await came(server, "call_service")
+        assert called["args"] == {"a": 2, "b": 3}
+        await server.send({**called, "op": "service_response", "values": {"sum": 5}, "result": True})
+        assert (await asking)["values"] == {"sum": 5}
+
+        goal = {
+            "op": "send_action_goal",
+            "action": count,
+            "id": "mine",
+            "args": {"order": 3},
+            "feedback": True,
+        }
+        await other.send(goal)
+        taken = await came(server, "send_action_goal")
+        said = {"action": count, "id": taken["id"]}
+        await server.send({"op": "action_feedback", "values": {"sequence": [0]}, **said})
+        assert (await came(other, "action_feedback"))["values"] == {"sequence": [0]}
+        await other.send({"op": "cancel_action_goal", "action": count, "id": "mine"})
+        await came(server, "cancel_action_goal")
+        await server.send({"op": "action_result", "values": {}, "status": 5, "result": True, **said})
+        assert (await came(other, "action_result"))["status"] == 5
+
+        await server.send({"op": "publish", "topic": f"{count}/status", "msg": {"status_list": []}})
+        assert (await came(other, "publish"))["msg"] == {"status_list": []}
+
+        asking = asyncio.create_task(other.ask(add))
+        await came(server, "call_service")
+        await server.socket.close()
+        assert (await asking)["values"].startswith("client_left: ")
+        await lists(other, "services", add, still=False)
+
+
+async def lists(client: RosbridgeClient, kind: str, name: str, *, still: bool = True) -> None:
+    """Wait until rosapi lists this name, or does not any more."""
+    end_s = time.monotonic() + NEWS_S
+    while (name in (await client.call(f"/rosapi/{kind}"))[kind]) != still:
+        assert time.monotonic() < end_s
+        await asyncio.sleep(0.1)
+
+
+async def came(client: RosbridgeClient, op: str) -> dict[str, Any]:
+    """Wait for an operation of another client, and take it."""
+    await client.until(lambda: any(one["op"] == op for one in client.messages), NEWS_S)
+    found = next(one for one in client.messages if one["op"] == op)
+    client.messages.remove(found)
+    return found
 
 
 def test_control_and_stop_are_the_same_through_either(house: House) -> None:

@@ -67,7 +67,7 @@ class ActionGoals(Family):
         return self._cancel_all(action) if action != name and action in self._actions else None
 
     def actions(self) -> Iterable[str]:
-        return (advertised.name for advertised in self._clients.advertised.listed())
+        return self._clients.advertised.listed()
 
     def leave(self) -> None:
         self._goals.leave()
@@ -90,9 +90,9 @@ class ActionGoals(Family):
             given = operation.args or {}
             if not isinstance(operation.id, str) or not isinstance(given, dict):
                 raise NotDone(_NO_ID)
-            if name not in self._actions and (advertised := self._clients.advertised.find(name)):
+            if (server := self._clients.advertised.usable(name)) is not None:
                 self.client.require(Scope.TOPICS)
-                await self._clients.send(advertised, operation)
+                await self._clients.send(server, name, operation, given)
                 return
             action = self._robots(name)
         except NotDone as refused:
@@ -213,7 +213,7 @@ class ActionGoals(Family):
 
     async def _advertise(self, operation: AdvertiseAction) -> None:
         self.client.require(Scope.TOPICS)
-        self._clients.advertised.add(full_name(operation.action), full_type(operation.type), self._clients)
+        self._clients.advertised.add(full_name(operation.action), full_type(operation.type))
 
     async def _unadvertise(self, operation: UnadvertiseAction) -> None:
         if not self._clients.advertised.remove(full_name(operation.action)):

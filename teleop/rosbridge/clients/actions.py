@@ -8,8 +8,17 @@ from typing import Any, NamedTuple
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
 from teleop.rosbridge.actions.ends import ABORTED, IN_ROS2
-from teleop.rosbridge.clients.advertised import Advertised, Advertisements
-from teleop.rosbridge.clients.services import CLIENT_LEFT
+from teleop.rosbridge.clients.advertised import Advertisements
+from teleop.rosbridge.clients.letters import (
+    CLIENT_LEFT,
+    Address,
+    Cancel,
+    Feedback,
+    Goal,
+    Gone,
+    Result,
+)
+from teleop.rosbridge.clients.post import post_of
 from teleop.rosbridge.family import Client
 from teleop.rosbridge.operations import ActionFeedback, ActionResult, Id, SendActionGoal
 
@@ -19,12 +28,19 @@ _BUSY = Refusal("busy", "Too many goals at once: wait for the ends of others.", 
 _NO_GOAL = Refusal("no_goal", "No goal with this id is under way.", "wire")
 
 
+class _Sent(NamedTuple):
+    """A goal that this client sent to another."""
+
+    to: Address
+    action: str
+
+
 class _Taken(NamedTuple):
     """A goal of another client that this one carries out."""
 
-    advertised: Advertised
-    asker: ClientActions
-    id: Id  # the asker's own
+    by: Address
+    id: str  # the asker's own
+    own: str  # the action, as this client wrote it
     feedback: bool
 
 
@@ -36,17 +52,27 @@ class ClientActions:
         self.advertised = Advertisements(client, "action")
         self._numbers = count(1)
         self._taken: dict[str, _Taken] = {}  # by the id that this client got
-        self._sent: dict[
-            Id, tuple[ClientActions, str]
-        ] = {}  # by this client's id: who carries it out, and its id there
+        self._sent: dict[str, _Sent] = {}  # by this client's id
+        self._post = post_of(client.hub)
+        self._address = self._post.join(
+            client.id,
+            {
+                Goal: self._goal_came,
+                Cancel: self._cancel_came,
+                Feedback: self._feedback_came,
+                Result: self._result_came,
+                Gone: self._went,
+            },
+        )
 
     def leave(self) -> None:
         """Cancel the goals that this client sent; end those that it carries out."""
-        self.advertised.remove_all()
-        for server, number in list(self._sent.values()):
-            run_in_background(server.cancelled(number))
-        for number in list(self._taken):
-            run_in_background(self._end(number, {"result": False, "values": _worded(CLIENT_LEFT)}))
+        for id_, sent in self._sent.items():
+            run_in_background(self._post.send(self._address, sent.to, Cancel(id_)))
+        for taken in self._taken.values():
+            result = Result(taken.id, refusal=CLIENT_LEFT)
+            run_in_background(self._post.send(self._address, taken.by, result))
+        self._post.leave(self.client.id)
 
     def __contains__(self, id_: str) -> bool:
         """Return whether this client waits for the end of a goal with this id that it sent to another."""
@@ -54,81 +80,89 @@ class ClientActions:
 
     # --- as the one that asks ---------------------------------------------------------------------------
 
-    async def send(self, advertised: Advertised, goal: SendActionGoal) -> None:
+    async def send(self, server: Address, name: str, goal: SendActionGoal, args: dict[str, Any]) -> None:
         """Send a goal to the client that offers this action. Raises NotDone."""
-        server: ClientActions = self.advertised.usable(advertised).server
-        await server.take(_Taken(advertised, self, goal.id, goal.feedback), goal.args or {})
+        id_ = str(goal.id)
+        self._sent[id_] = _Sent(server, name)
+        try:
+            await self._post.send(self._address, server, Goal(id_, name, args, goal.feedback))
+        except NotDone:
+            del self._sent[id_]
+            raise
 
     async def cancel(self, id_: Id) -> bool:
-        """Ask for the cancel of a goal that this client sent. Return whether there is one."""
-        if id_ not in self._sent:
+        """Ask for the cancel of a goal that this client sent. Return whether there is one. Raises NotDone."""
+        if (sent := self._sent.get(str(id_))) is None:
             return False
-        server, number = self._sent[id_]
-        await server.cancelled(number)
+        await self._post.send(self._address, sent.to, Cancel(str(id_)))
         return True
+
+    async def _feedback_came(self, _by: Address, feedback: Feedback) -> None:
+        if (sent := self._sent.get(feedback.id)) is not None:
+            await self.client.pass_on(_told("action_feedback", feedback.id, sent.action, values=feedback.values))
+
+    async def _result_came(self, _by: Address, result: Result) -> None:
+        if (sent := self._sent.pop(result.id, None)) is None:
+            return
+        refusal, fields = result.refusal, result.fields
+        if refusal is not None:
+            fields = {"result": False, "values": f"{refusal.code}: {refusal.text}"}
+        fields = {"status": IN_ROS2[ABORTED], **fields}
+        await self.client.send(_told("action_result", result.id, sent.action, **fields))
+        if refusal is not None:
+            await self.client.refuse("send_action_goal", refusal, result.id)
 
     # --- as the one that carries out ----------------------------------------------------------------------
 
-    async def take(self, goal: _Taken, args: Any) -> None:
-        """Pass a goal to this client. Raises NotDone."""
-        if len(self._taken) >= MOST_GOALS:
-            raise NotDone(_BUSY)
+    async def _goal_came(self, by: Address, goal: Goal) -> None:
+        own = self.advertised.mine.get(goal.name)
+        if own is None or len(self._taken) >= MOST_GOALS:
+            refusal = CLIENT_LEFT if own is None else _BUSY
+            await self._post.send(self._address, by, Result(goal.id, refusal=refusal))
+            return
         number = f"goal:{next(self._numbers)}"
-        self._taken[number] = goal
-        goal.asker._sent[goal.id] = self, number
-        await self.client.send(
-            {
-                "op": "send_action_goal",
-                "id": number,
-                "action": goal.advertised.own,
-                "action_type": goal.advertised.type,
-                "args": args,
-                "feedback": goal.feedback,
-            }
-        )
+        self._taken[number] = _Taken(by, goal.id, own, goal.feedback)
+        action_type = self.advertised.listed().get(goal.name, "")
+        fields = {"action_type": action_type, "args": goal.args, "feedback": goal.feedback}
+        await self.client.send(_told("send_action_goal", number, own, **fields))
 
-    async def cancelled(self, number: str) -> None:
+    async def _cancel_came(self, by: Address, cancel: Cancel) -> None:
         """Pass a cancel to this client, which decides how the goal ends."""
-        if number in self._taken:
-            action = self._taken[number].advertised.own
-            await self.client.send({"op": "cancel_action_goal", "id": number, "action": action})
+        for number, taken in self._taken.items():
+            if (taken.by, taken.id) == (by, cancel.id):
+                await self.client.send(_told("cancel_action_goal", number, taken.own))
 
     async def feedback(self, operation: ActionFeedback) -> None:
         """Pass this client's feedback to the one that asked. Raises NotDone."""
-        goal = self._goal(operation.id)
-        if goal.feedback:
-            message = {
-                "op": "action_feedback",
-                "id": goal.id,
-                "action": goal.advertised.name,
-                "values": operation.values,
-            }
-            await goal.asker.client.pass_on(message)
+        taken = self._goal(operation.id)
+        if taken.feedback:
+            await self._post.send(self._address, taken.by, Feedback(taken.id, operation.values))
 
     async def result(self, operation: ActionResult) -> None:
         """Pass this client's result to the one that asked. Raises NotDone."""
-        self._goal(operation.id)
-        told = {"result": operation.result, "values": operation.values}
-        await self._end(
-            str(operation.id), told if operation.status is None else {**told, "status": operation.status}
-        )
+        taken = self._goal(operation.id)
+        fields = {"result": operation.result, "values": operation.values}
+        if operation.status is not None:
+            fields["status"] = operation.status
+        del self._taken[str(operation.id)]
+        await self._post.send(self._address, taken.by, Result(taken.id, fields))
 
     def _goal(self, id_: Id) -> _Taken:
-        if (goal := self._taken.get(str(id_))) is None:
+        if (taken := self._taken.get(str(id_))) is None:
             raise NotDone(_NO_GOAL)
-        return goal
+        return taken
 
-    async def _end(self, number: str, told: dict[str, Any]) -> None:
-        goal = self._taken.pop(number)
-        goal.asker._sent.pop(goal.id, None)
-        answer = {
-            "op": "action_result",
-            "id": goal.id,
-            "action": goal.advertised.name,
-            "status": IN_ROS2[ABORTED],
-        }
-        await goal.asker.client.send(answer | told)
+    # --- another web process is gone ------------------------------------------------------------------------
+
+    async def _went(self, _by: Address, gone: Gone) -> None:
+        """End the goals of which the other end is gone."""
+        for id_, sent in list(self._sent.items()):
+            if sent.to.process == gone.process:
+                await self._result_came(sent.to, Result(id_, refusal=CLIENT_LEFT))
+        for number, taken in list(self._taken.items()):
+            if taken.by.process == gone.process:
+                await self.client.send(_told("cancel_action_goal", number, taken.own))
 
 
-def _worded(refusal: Refusal) -> str:
-    return f"{refusal.code}: {refusal.text}"
+def _told(op: str, id_: str, action: str, **fields: Any) -> dict[str, Any]:
+    return {"op": op, "id": id_, "action": action, **fields}

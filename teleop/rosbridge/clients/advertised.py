@@ -1,36 +1,16 @@
-"""Offers of the clients of a robot for each other: allowed by the allow-list, gone with the client.
-
-It lives in this process: clients that another web process serves do not see it. It never reaches the robot.
-"""
+"""Offers of the clients of a robot for each other: allowed by the allow-list, gone with the client."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple
-from weakref import WeakKeyDictionary
 
 from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import check_role, required_role
-from teleop.live.robot_hub import RobotHub
+from teleop.rosbridge.clients.letters import Address, Kind, Offer
+from teleop.rosbridge.clients.post import post_of
 from teleop.rosbridge.family import Client
 
 MOST_ADVERTISED = 20  # of one client
-
-Kind = Literal["service", "action"]
-
-
-class Advertised(NamedTuple):
-    """A service or action of a client. `own`: its name as that client wrote it; `server`: what takes its calls."""
-
-    name: str
-    own: str
-    type: str
-    server: Any
-
-
-_advertised: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Advertised]] = WeakKeyDictionary()
 
 
 def public_name(name: str) -> str:
@@ -44,47 +24,44 @@ class Advertisements:
     def __init__(self, client: Client, kind: Kind) -> None:
         self._client = client
         self._kind: Kind = kind
-        self._all = _advertised.setdefault(client.hub, {})
-        self._mine: set[str] = set()
+        self._post = post_of(client.hub)
+        self.mine: dict[str, str] = {}  # by name: as this client wrote it
 
-    def add(self, own: str, type_: str, server: Any) -> None:
+    def add(self, own: str, type_: str) -> None:
         """Advertise something. Raises NotDone."""
         name = public_name(own)
-        taken = self._all.get((self._kind, name))
-        if taken is not None and name not in self._mine:
-            text = say("Another client offers {name} already.", name=name)
-            raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
-        if len(self._mine) >= MOST_ADVERTISED and name not in self._mine:
-            text = say("A client offers at most {most} services and {most} actions.", most=MOST_ADVERTISED)
-            raise NotDone(Refusal("too_many_advertised", text, "wire", {"most": MOST_ADVERTISED}))
+        if name not in self.mine:
+            if self._post.find(self._kind, name) is not None:
+                text = say("Another client offers {name} already.", name=name)
+                raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
+            if len(self.mine) >= MOST_ADVERTISED:
+                text = say(
+                    "A client offers at most {most} services and {most} actions.", most=MOST_ADVERTISED
+                )
+                raise NotDone(Refusal("too_many_advertised", text, "wire", {"most": MOST_ADVERTISED}))
         self._require_role(name, type_)
-        self._all[self._kind, name] = Advertised(name, own, type_, server)
-        self._mine.add(name)
+        self.mine[name] = own
+        self._post.offer(Offer(self._kind, name, type_, self._client.id))
 
     def remove(self, own: str) -> bool:
         """Take something back. Return whether it was advertised."""
         name = public_name(own)
-        if name not in self._mine:
+        if self.mine.pop(name, None) is None:
             return False
-        self._mine.discard(name)
-        del self._all[self._kind, name]
+        self._post.take_back(self._kind, name)
         return True
 
-    def remove_all(self) -> None:
-        for name in list(self._mine):
-            self.remove(name)
+    def usable(self, name: str) -> Address | None:
+        """Return the client that advertises this; None: no client. Raises NotDone unless this client may use it."""
+        if (found := self._post.find(self._kind, name)) is None:
+            return None
+        offer, address = found
+        self._require_role(name, offer.type)
+        return address
 
-    def find(self, name: str) -> Advertised | None:
-        """Return what any client advertises by this name."""
-        return self._all.get((self._kind, name))
-
-    def usable(self, advertised: Advertised) -> Advertised:
-        """Return it if this client may use it. Raises NotDone."""
-        self._require_role(advertised.name, advertised.type)
-        return advertised
-
-    def listed(self) -> Iterator[Advertised]:
-        return (advertised for (kind, _), advertised in self._all.items() if kind == self._kind)
+    def listed(self) -> dict[str, str]:
+        """Return all that clients advertise, with the types."""
+        return {offer.name: offer.type for offer in self._post.listed(self._kind)}
 
     def _require_role(self, name: str, type_: str) -> None:
         needed = required_role(self._client.hub.entry.allowed, "call", name, type_)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
-from weakref import WeakKeyDictionary, WeakSet
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared.configuration.bridge_config import CLIENTS
-from robots.shared.sentences import say
-from robots.shared.wire import NotDone, Refusal
+from robots.shared.wire import NotDone
 from teleop.control.allow_list import check_role, required_role
-from teleop.live.robot_hub import RobotHub
+from teleop.rosbridge.clients.advertised import Advertisements
+from teleop.rosbridge.clients.letters import Address, Shown
+from teleop.rosbridge.clients.post import post_of
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Publish, full_name
 
@@ -23,29 +24,33 @@ OF_SERVER: dict[str, dict[str, Any]] = {
 }
 OF_ASKER: dict[str, dict[str, Any]] = {"goal": {"goal_id": _ID, "goal": {}}, "cancel": _ID}
 
-_here: WeakKeyDictionary[RobotHub, WeakSet[ActionTopics]] = WeakKeyDictionary()
-
 
 class ActionTopics(Family):
     """The topics of actions that clients advertise for each other. The first server has them until it leaves."""
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self._serves: set[str] = set()  # actions
-        self._all = _here.setdefault(client.hub, WeakSet())
-        self._all.add(self)
+        self._served = Advertisements(client, "topics")
+        self._post = post_of(client.hub)
+        self._address = self._post.join(client.id, {Shown: self._shown})
 
     def publisher(self, topic: str) -> Handler | None:
         name, _, part = topic.rpartition("/")
         if part not in (*OF_SERVER, *OF_ASKER) or not name.startswith(CLIENTS):
             return None
-        wanted = "call", name
-        allowed = self.client.hub.entry.allowed
-        offered = any((one.what, one.name) == wanted and one.type.endswith("Action") for one in allowed)
-        return self._publish if offered else None
+        return self._publish if self._type(name) is not None else None
+
+    def actions(self) -> Iterable[str]:
+        return self._served.listed()
 
     def leave(self) -> None:
-        self._all.discard(self)
+        self._post.leave(self.client.id)
+
+    def _type(self, name: str) -> str | None:
+        """Return the type of an action on the allow-list."""
+        allowed = self.client.hub.entry.allowed
+        types = (one.type for one in allowed if (one.what, one.name) == ("call", name))
+        return next((type_ for type_ in types if type_.endswith("Action")), None)
 
     async def _publish(self, operation: Publish) -> None:
         self.client.require(Scope.TOPICS)
@@ -54,12 +59,11 @@ class ActionTopics(Family):
         needed = required_role(self.client.hub.entry.allowed, "call", name)
         if refusal := check_role(self.client.rights, needed, name):
             raise NotDone(refusal)
-        if part in OF_SERVER:
-            if any(name in other._serves for other in self._all if other is not self):
-                text = say("Another client offers {name} already.", name=name)
-                raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
-            self._serves.add(name)
+        if part in OF_SERVER and name not in self._served.mine:
+            self._served.add(name, self._type(name) or "")
         message = (OF_SERVER | OF_ASKER)[part] | operation.msg
-        for one in list(self._all):
-            for family in one.client.families:
-                await family.show(topic, message)
+        await self._post.show(self._address, Shown(topic, message))
+
+    async def _shown(self, _by: Address, shown: Shown) -> None:
+        for family in self.client.families:
+            await family.show(shown.topic, shown.message)

@@ -20,13 +20,13 @@ ANSWER_S = 10.0
 class RosbridgeClient:
     """Async context: one open connection. `status` has what the console said."""
 
-    def __init__(self, stack: Stack, slug: str, token: str) -> None:
-        self._address = f"{stack.url.replace('http', 'ws', 1)}/rosbridge/{slug}"
+    def __init__(self, stack: Stack, slug: str, token: str, port: int | None = None) -> None:
+        self._address = f"ws://{stack.hosts[0]}:{port or stack.port}/rosbridge/{slug}"
         self._headers = {"Authorization": f"Bearer {token}"}
         self._answers: dict[str, asyncio.Future[Any]] = {}
         self._news = asyncio.Condition()
         self.status: list[str] = []
-        self.messages: list[dict[str, Any]] = []  # of topics
+        self.messages: list[dict[str, Any]] = []  # of topics, and of other clients
 
     async def __aenter__(self) -> Self:
         self.socket = await connect(
@@ -52,10 +52,10 @@ class RosbridgeClient:
             raise AssertionError(f"{service}: {response['values']}")
         return response["values"]
 
-    async def ask(self, service: str) -> dict[str, Any]:
-        """Call a service without arguments; return the response."""
+    async def ask(self, service: str, **args: Any) -> dict[str, Any]:
+        """Call a service; return the response."""
         answer = self._answers[service] = asyncio.get_running_loop().create_future()
-        await self.send({"op": "call_service", "service": service, "id": service})
+        await self.send({"op": "call_service", "service": service, "id": service, "args": args})
         response: dict[str, Any] = await asyncio.wait_for(answer, ANSWER_S)
         return response
 
@@ -94,6 +94,6 @@ class RosbridgeClient:
                 async with self._news:
                     if message["op"] == "status":
                         self.status.append(message["msg"])
-                    elif message["op"] == "publish":
+                    elif not is_answer:
                         self.messages.append(message)
                     self._news.notify_all()
