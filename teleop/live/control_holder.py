@@ -106,7 +106,9 @@ class ControlHolder:
 
     def undo_take(self, session: UUID, refusal: Refusal) -> None:
         """End a session that `take_control` took, also if it has not begun here: its caller was refused."""
-        if not (session == self.session and self._give_up(EndReason.BRIDGE, refusal.sentence, refusal=refusal)):
+        if not (
+            session == self.session and self._give_up(EndReason.BRIDGE, refusal.sentence, refusal=refusal)
+        ):
             self._end_soon(session, EndReason.BRIDGE, refusal, None)
 
     async def take_over(self, reason: str) -> None:

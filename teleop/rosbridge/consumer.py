@@ -43,6 +43,7 @@ from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.control_holder import ControlHolder
 from teleop.live.grant_renewal import Delays
 from teleop.rosbridge import framing, operations
+from teleop.rosbridge.actions.ends import IN_ROS2, REJECTED
 from teleop.rosbridge.control_services import STOP
 from teleop.rosbridge.families import FAMILIES
 from teleop.rosbridge.family import Family, Handler
@@ -210,9 +211,11 @@ class RosbridgeConsumer(ControllingSocket):
         try:
             operation = operation_of(raw)
         except WireError as error:
-            of, id_ = _heading(raw)
-            if await self.within_budget(of):
-                await self.refuse(of, error.refusal, id_)
+            heading = _heading(raw)
+            if await self.within_budget(heading.op):
+                await self.refuse(heading.op, error.refusal, heading.id)
+                if (answer := _failure(heading, error.refusal)) and not self.is_behind():
+                    await self.send(answer)
             return
         if self._is_stop(operation):  # counts for the flood limit, but is never refused
             flood = not self.spend()
@@ -394,15 +397,32 @@ def _worded(refusal: Refusal) -> str:
 class _Heading(msgspec.Struct):
     op: str = ""
     id: Id = None
+    service: Any = ""
+    action: Any = ""
 
 
-def _heading(raw: str) -> tuple[str, Id]:
-    """Return name and id of an operation that is not valid, as far as they can be read."""
+def _heading(raw: str) -> _Heading:
+    """Return the heading of an operation that is not valid, as far as it can be read."""
     try:
         found = _heading_of(raw[: operations.LARGEST_BYTES])
     except (msgspec.DecodeError, UnicodeError, RecursionError):
-        return "", None
-    return found.op[:40], found.id
+        return _Heading()
+    return msgspec.structs.replace(found, op=found.op[:40])
 
 
 _heading_of = msgspec.json.Decoder(_Heading).decode
+
+
+def _failure(heading: _Heading, refusal: Refusal) -> dict[str, Any] | None:
+    """Return the end of a call or goal that is not valid: its client may wait for it without a limit."""
+    if heading.id is None:
+        return None
+    told = {"id": heading.id, "values": _worded(refusal), "result": False}
+    match heading.op:
+        case "call_service":
+            return {"op": "service_response", "service": str(heading.service)[:200], **told}
+        case "send_action_goal":
+            status = IN_ROS2[REJECTED]
+            return {"op": "action_result", "action": str(heading.action)[:200], "status": status, **told}
+        case _:
+            return None

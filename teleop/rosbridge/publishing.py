@@ -23,6 +23,7 @@ from teleop.live.robot_hub import RobotHub
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import (
     Advertise,
+    Id,
     Operation,
     Publish,
     Unadvertise,
@@ -62,6 +63,9 @@ class Publishing(Family):
     def __init__(self, client: Client) -> None:
         super().__init__(client)
         self._types: dict[str, str] = {}  # of advertised topics
+        self._ids: dict[
+            str, set[Id]
+        ] = {}  # of their advertisements: one client may have several of one topic
         self._here = _advertised.setdefault(client.hub, {})
 
     def handlers(self) -> Mapping[type[Operation], Handler]:
@@ -88,18 +92,23 @@ class Publishing(Family):
         if refusal := self._why_not(topic, type_):
             raise NotDone(refusal)
         self._types[topic] = type_
+        if len(ids := self._ids.setdefault(topic, set())) < MOST_TOPICS:
+            ids.add(operation.id)
         self._here.setdefault(topic, {})[self.client.id] = type_
 
     async def _unadvertise(self, operation: Unadvertise) -> None:
         topic = full_name(operation.topic)
         if topic in self._types:
-            self._forget(topic)
+            ids = self._ids[topic]
+            ids.discard(operation.id)
+            if operation.id is None or not ids:
+                self._forget(topic)
         else:
             text = say("This client does not advertise {topic}.", topic=topic)
             await self.client.status("warning", f"not_advertised: {text}", operation.id)
 
     def _forget(self, topic: str) -> None:
-        del self._types[topic]
+        del self._types[topic], self._ids[topic]
         if clients := self._here.get(topic):
             clients.pop(self.client.id, None)
             if not clients:

@@ -216,7 +216,7 @@ class ActionGoals(Family):
         self._clients.advertised.add(full_name(operation.action), full_type(operation.type))
 
     async def _unadvertise(self, operation: UnadvertiseAction) -> None:
-        if not self._clients.advertised.remove(full_name(operation.action)):
+        if not await self._clients.unadvertise(full_name(operation.action)):
             text = say("This client does not advertise {topic}.", topic=operation.action)
             await self.client.status("warning", f"not_advertised: {text}", operation.id)
 

@@ -40,6 +40,7 @@ class _Taken(NamedTuple):
 
     by: Address
     id: str  # the asker's own
+    name: str
     own: str  # the action, as this client wrote it
     feedback: bool
 
@@ -69,9 +70,8 @@ class ClientActions:
         """Cancel the goals that this client sent; end those that it carries out."""
         for id_, sent in self._sent.items():
             run_in_background(self._post.send(self._address, sent.to, Cancel(id_)))
-        for taken in self._taken.values():
-            result = Result(taken.id, refusal=CLIENT_LEFT)
-            run_in_background(self._post.send(self._address, taken.by, result))
+        for number in list(self._taken):
+            run_in_background(self._give_up(number))
         self._post.leave(self.client.id)
 
     def __contains__(self, id_: str) -> bool:
@@ -99,7 +99,9 @@ class ClientActions:
 
     async def _feedback_came(self, _by: Address, feedback: Feedback) -> None:
         if (sent := self._sent.get(feedback.id)) is not None:
-            await self.client.pass_on(_told("action_feedback", feedback.id, sent.action, values=feedback.values))
+            await self.client.pass_on(
+                _told("action_feedback", feedback.id, sent.action, values=feedback.values)
+            )
 
     async def _result_came(self, _by: Address, result: Result) -> None:
         if (sent := self._sent.pop(result.id, None)) is None:
@@ -114,6 +116,17 @@ class ClientActions:
 
     # --- as the one that carries out ----------------------------------------------------------------------
 
+    async def unadvertise(self, own: str) -> bool:
+        """End an offer and its goals. Return whether there was one."""
+        name = self.advertised.remove(own)
+        for number in [number for number, taken in self._taken.items() if taken.name == name]:
+            await self._give_up(number)
+        return name is not None
+
+    async def _give_up(self, number: str) -> None:
+        if (taken := self._taken.pop(number, None)) is not None:
+            await self._post.send(self._address, taken.by, Result(taken.id, refusal=CLIENT_LEFT))
+
     async def _goal_came(self, by: Address, goal: Goal) -> None:
         own = self.advertised.mine.get(goal.name)
         if own is None or len(self._taken) >= MOST_GOALS:
@@ -121,7 +134,7 @@ class ClientActions:
             await self._post.send(self._address, by, Result(goal.id, refusal=refusal))
             return
         number = f"goal:{next(self._numbers)}"
-        self._taken[number] = _Taken(by, goal.id, own, goal.feedback)
+        self._taken[number] = _Taken(by, goal.id, goal.name, own, goal.feedback)
         action_type = self.advertised.listed().get(goal.name, "")
         fields = {"action_type": action_type, "args": goal.args, "feedback": goal.feedback}
         await self.client.send(_told("send_action_goal", number, own, **fields))

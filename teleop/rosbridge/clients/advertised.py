@@ -43,13 +43,13 @@ class Advertisements:
         self.mine[name] = own
         self._post.offer(Offer(self._kind, name, type_, self._client.id))
 
-    def remove(self, own: str) -> bool:
-        """Take something back. Return whether it was advertised."""
+    def remove(self, own: str) -> str | None:
+        """Take something back. Return its name; None: this client does not advertise it."""
         name = public_name(own)
         if self.mine.pop(name, None) is None:
-            return False
+            return None
         self._post.take_back(self._kind, name)
-        return True
+        return name
 
     def usable(self, name: str) -> Address | None:
         """Return the client that advertises this; None: no client. Raises NotDone unless this client may use it."""

@@ -35,6 +35,7 @@ class _Pending(NamedTuple):
     """A call that this client must answer."""
 
     by: Address
+    name: str
     number: str  # the caller's own
     silence: asyncio.TimerHandle
 
@@ -74,9 +75,11 @@ class ClientServices(Family):
         self.advertised.add(full_name(operation.service), full_type(operation.type))
 
     async def _unadvertise(self, operation: UnadvertiseService) -> None:
-        if not self.advertised.remove(full_name(operation.service)):
+        if (name := self.advertised.remove(full_name(operation.service))) is None:
             text = say("This client does not advertise {topic}.", topic=operation.service)
             await self.client.status("warning", f"not_advertised: {text}", operation.id)
+        for number in [number for number, call in self._calls.items() if call.name == name]:
+            await self._end(number, refusal=CLIENT_LEFT)
 
     # --- as the one that calls --------------------------------------------------------------------------
 
@@ -115,7 +118,7 @@ class ClientServices(Family):
             return
         number = f"call:{next(self._numbers)}"
         silence = asyncio.get_running_loop().call_later(CALL_S, self._give_up, number, call.name)
-        self._calls[number] = _Pending(by, call.number, silence)
+        self._calls[number] = _Pending(by, call.name, call.number, silence)
         await self.client.send({"op": "call_service", "id": number, "service": own, "args": call.args})
 
     def _give_up(self, number: str, name: str) -> None:

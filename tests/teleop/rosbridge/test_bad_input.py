@@ -77,6 +77,17 @@ async def test_the_id_comes_back_with_the_status(driver):
     assert (await driver.told("invalid"))["id"] == "mine"
 
 
+async def test_a_call_or_goal_that_is_not_valid_has_an_end(driver):
+    await driver.send("call_service", service="/rosapi/topics", args="[ true ]", id="call:1")
+    answer = await driver.hears_op("service_response", id="call:1", service="/rosapi/topics")
+    assert (answer["result"], answer["values"][:9]) == (False, "invalid: ")
+    await driver.send("call_service", service=5, id="call:2")
+    assert not (await driver.hears_op("service_response", id="call:2"))["result"]
+    await driver.send("send_action_goal", action="/play_motion", args="wave", id="goal:1")
+    result = await driver.hears_op("action_result", id="goal:1", action="/play_motion")
+    assert (result["result"], result["status"], result["values"][:9]) == (False, 6, "invalid: ")
+
+
 async def test_levels_of_status(driver):
     await driver.send("set_level", level="error")
     await driver.send("unadvertise", topic="/a")
@@ -231,6 +242,22 @@ async def test_two_clients_with_different_types(driver, open_client):
     await other.send("unadvertise", topic="/leds")
     await other.send("unadvertise", topic="/leds")
     await other.told("not_advertised")
+
+
+async def test_each_advertisement_of_a_topic_ends_by_itself(driver, open_client):
+    other = await open_client("second_operator")
+    for id_ in ("one", "two"):
+        await driver.send("advertise", topic="/leds", type="std_msgs/String", id=id_)
+    await driver.send("unadvertise", topic="/leds", id="one")
+    await driver.call("/fleet/renew_control")
+    await other.send("advertise", topic="/leds", type="std_msgs/Int32")
+    await other.told("other_type")
+    await driver.send("unadvertise", topic="/leds", id="two")
+    await driver.call("/fleet/renew_control")
+    await other.send("advertise", topic="/leds", type="std_msgs/Int32", id="three")
+    await other.send("unadvertise", topic="/leds", id="three")
+    await other.call("/fleet/renew_control")
+    assert not [one for one in other.inbox if one["op"] == "status" and "no_lease" not in one["msg"]]
 
 
 async def test_nobody_keeps_another_from_what_the_console_takes(driver, open_client):

@@ -176,6 +176,23 @@ async def test_a_clients_service_is_gone_with_the_client(server, open_client, br
     assert (await other.call("/rosapi/service_type", service=ADD))["values"] == {"type": ""}
 
 
+async def test_an_offer_that_ends_ends_its_calls_and_goals(server, open_client):
+    other = await open_client("second_operator")
+    await eventually_offered(other)
+    await server.send("advertise_action", action="/count", type="lab_msgs/CountAction")
+    await server.call("/fleet/renew_control")
+    await other.send("call_service", service=ADD, id="call:1")
+    await server.hears_op("call_service")
+    await other.send("send_action_goal", id="mine", action="/fleet/clients/count", args={})
+    await server.hears_op("send_action_goal")
+    await server.send("unadvertise_service", service="/add")
+    answer = await other.hears_op("service_response", id="call:1")
+    assert answer["values"].startswith("client_left: ")
+    await server.send("unadvertise_action", action="/count")
+    result = await other.hears_op("action_result", id="mine")
+    assert result["values"].startswith("client_left: ")
+
+
 async def test_a_service_that_never_answers_is_given_up(server, open_client, monkeypatch):
     monkeypatch.setattr(services, "CALL_S", 0.1)
     other = await open_client("second_operator")
