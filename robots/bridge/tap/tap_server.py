@@ -173,7 +173,9 @@ class TapServer(ProcessServer[_Readers]):
             self._refusals.pop((topic, form), None)
 
     def report(self, state: TapState) -> None:
-        """Send a topic's state to its readers."""
+        """Send a topic's state to its readers. A topic keeps its type, for which readers wait before a message."""
+        if not state.type and (known := self._states.get(state.topic)) is not None:
+            state = structs.replace(known, refusal=state.refusal)
         if state.topic in self._wanted:
             self._states[state.topic] = state
             for process in self.processes:
