@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import Path
 from typing import BinaryIO
 
 from django.http import FileResponse, HttpRequest, HttpResponse, HttpResponseBase
@@ -29,16 +28,19 @@ class _Part:
         self._file.close()
 
 
-def ranged_file(request: HttpRequest, path: Path, name: str, content_type: str) -> HttpResponseBase:
-    """Return the file as a download with this name, or the part for which the request asks. Raises OSError."""
-    file = path.open("rb")
-    about = os.fstat(file.fileno())
-    tag = quote_etag(f"{about.st_mtime_ns:x}-{about.st_size:x}")
-    wanted = _wanted(request, about.st_size, tag)
+def ranged_file(
+    request: HttpRequest, file: BinaryIO, version: str, name: str, content_type: str
+) -> HttpResponseBase:
+    """Return the file as a download with this name, or the part for which the request asks. The answer closes it.
+
+    `version` differs if the bytes do.
+    """
+    size, tag = file.seek(0, os.SEEK_END), quote_etag(version)
+    wanted = _wanted(request, size, tag)
     if wanted is not None and wanted[0] > wanted[1]:
         file.close()
-        return HttpResponse(status=416, headers={"Content-Range": f"bytes */{about.st_size}"})
-    begin, end = wanted or (0, about.st_size - 1)
+        return HttpResponse(status=416, headers={"Content-Range": f"bytes */{size}"})
+    begin, end = wanted or (0, size - 1)
     file.seek(begin)
     answer = FileResponse(
         _Part(file, end - begin + 1), as_attachment=True, filename=name, content_type=content_type
@@ -47,7 +49,7 @@ def ranged_file(request: HttpRequest, path: Path, name: str, content_type: str) 
     answer["Accept-Ranges"], answer["ETag"] = "bytes", tag
     if wanted is not None:
         answer.status_code = 206
-        answer["Content-Range"] = f"bytes {begin}-{end}/{about.st_size}"
+        answer["Content-Range"] = f"bytes {begin}-{end}/{size}"
     return answer
 
 

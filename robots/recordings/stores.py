@@ -3,45 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
+from robots.recordings.away import FileAway
 from robots.recordings.models import Place, Recording
-from robots.shared.wire import Refusal
 
-_AWAY = Refusal(
-    "recording_away",
-    "The file of this recording cannot be read now: its computer or disk is out of reach.",
-    "robot",
-)
+Part = Literal["file", "thumbnail"]
 _PICTURE = ".jpg"
 
 
-class FileAway(Exception):
-    """Raised if a file cannot be reached; `refusal` says so."""
-
-    refusal = _AWAY
-
-
 def open_file(recording: Recording) -> BinaryIO:
-    """Open the MCAP file for reading. Raises `FileAway`."""
-    return _opened(path_of(recording))
+    """Open the MCAP file for reading. It never changes. Raises `FileAway`, also from its methods."""
+    return _opened(recording, "file")
 
 
 def open_thumbnail(recording: Recording) -> BinaryIO:
-    """Open the small picture (JPEG). Raises `FileAway`."""
-    return _opened(path_of(recording).with_suffix(_PICTURE))
+    """Open the small picture (JPEG). Raises `FileAway`, also from its methods."""
+    return _opened(recording, "thumbnail")
 
 
-def path_of(recording: Recording) -> Path:
-    """Return the path of the file on this computer. Raises `FileAway`."""
+def _opened(recording: Recording, part: Part) -> BinaryIO:
+    match recording.place:
+        case Place.DIRECTORY:
+            return _in_directory(recording, part)
+        case _:
+            raise FileAway
+
+
+def _in_directory(recording: Recording, part: Part) -> BinaryIO:
     name = recording.file
-    if recording.place != Place.DIRECTORY or not name or Path(name).name != name or not recording.directory:
+    if not name or Path(name).name != name or not recording.directory:
         raise FileAway
-    return Path(recording.directory) / name
-
-
-def _opened(path: Path) -> BinaryIO:
+    path = Path(recording.directory) / name
     try:
-        return path.open("rb")
+        return (path.with_suffix(_PICTURE) if part == "thumbnail" else path).open("rb")
     except OSError as error:
         raise FileAway from error

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import BinaryIO, Literal, NamedTuple
 from uuid import uuid4
 
 import msgspec
@@ -54,11 +54,24 @@ class Wanted(Struct, frozen=True):
     pictures: bool = True
 
 
-def download(sight: Sight, wanted: Wanted) -> Path:
-    """Return the path of the file, made now if needed. Raises `NotDone`, or `FileAway`."""
-    recording = sight.recording
+class Download(NamedTuple):
+    """A file, open for reading. With the same `version` it has the same bytes, so that a download can be continued."""
+
+    file: BinaryIO
+    version: str
+
+
+def download(sight: Sight, wanted: Wanted) -> Download:
+    """Return the file, made now if needed. Raises `NotDone`, `FileAway` or OSError."""
     if sight.whole and wanted == Wanted():
-        return stores.path_of(recording)
+        return Download(stores.open_file(sight.recording), str(sight.recording.pk))
+    path = _made(sight, wanted)
+    return Download(path.open("rb"), f"{path.stem}-{path.stat().st_mtime_ns:x}")
+
+
+def _made(sight: Sight, wanted: Wanted) -> Path:
+    """Return the path of a part, made now if needed. Raises `NotDone` or `FileAway`."""
+    recording = sight.recording
     parts = sorted(windows_ns(sight))
     asked = hashlib.sha256(msgspec.json.encode([wanted, parts])).hexdigest()[:20]
     folder = _folder()

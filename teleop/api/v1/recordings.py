@@ -16,6 +16,7 @@ from fleet.accounts.tokens.models import Scope
 from fleet.base.ranged_file import ranged_file
 from robots.access.models import Course
 from robots.recordings import stores
+from robots.recordings.away import FileAway
 from robots.recordings.files.contents import Contents, Unreadable
 from robots.recordings.models import Recording
 from robots.registry.models import Robot
@@ -165,12 +166,12 @@ class RecordingBase(ApiView):
 
     @contextmanager
     def contents(self, sight: Sight) -> Iterator[Contents]:
-        """Open the file. Raises `Problem`."""
+        """Open the file. Raises `Problem` or `FileAway`."""
         try:
             with stores.open_file(sight.recording) as stream:
                 yield Contents(stream, sight.recording.pk)
-        except stores.FileAway as away:
-            raise Problem(away.refusal, 503) from away
+        except OSError as error:
+            raise FileAway from error
         except Unreadable as error:
             raise Problem(downloads.UNREADABLE) from error
 
@@ -318,11 +319,11 @@ class FileView(RecordingBase):
         topics = query.topics.split(",") if query.topics else None
         wanted = downloads.Wanted(query.format, query.from_, query.to, topics, query.pictures)
         try:
-            path = downloads.download(sight, wanted)
-            name = downloads.name_of(sight, wanted)
-            answer = ranged_file(self.request, path, name, "application/octet-stream")
-        except (stores.FileAway, OSError) as away:
-            raise Problem(stores.FileAway.refusal, 503) from away
+            found = downloads.download(sight, wanted)
+        except OSError as error:
+            raise FileAway from error
+        name = downloads.name_of(sight, wanted)
+        answer = ranged_file(self.request, *found, name, "application/octet-stream")
         if answer.headers.get("Content-Range", "bytes 0-").startswith("bytes 0-"):
             services.recording_downloaded(recording=sight.recording, wanted=wanted, actor=self.person)
         return answer
@@ -335,11 +336,8 @@ class ThumbnailView(RecordingBase):
         sight = self.sight(recording_id)
         if not sight.whole or not sight.recording.thumbnail:
             raise Problem(NOT_FOUND)
-        try:
-            with stores.open_thumbnail(sight.recording) as stream:
-                return HttpResponse(stream.read(), content_type="image/jpeg")
-        except stores.FileAway as away:
-            raise Problem(away.refusal, 503) from away
+        with stores.open_thumbnail(sight.recording) as stream:
+            return HttpResponse(stream.read(), content_type="image/jpeg")
 
 
 def _share(share: RecordingShare) -> ShareEntry:

@@ -34,6 +34,7 @@ _OUT_OF_REACH = (
     "connection_lost",
     "no_answer",
     "camera_silent",
+    "recording_away",
 )
 _BY_CODE = {
     "signed_out": 401,
