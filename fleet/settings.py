@@ -38,6 +38,7 @@ FLEET_LICHTBLICK = environment.lichtblick(_env)
 FLEET_RECORDINGS = environment.recordings(_env, FLEET_VAR / "recordings")
 FLEET_RECORDINGS_BYTES = _env.gigabytes("FLEET_RECORDINGS_GB", 20.0)
 FLEET_RECORDINGS_FREE_BYTES = _env.gigabytes("FLEET_RECORDINGS_FREE_GB", 2.0)
+FLEET_S3 = environment.object_store(_env)
 FLEET_RECORDINGS_PERSON_BYTES = _env.gigabytes("FLEET_RECORDINGS_PERSON_GB", 10.0)
 FLEET_RECORDINGS_ROBOT_BYTES = _env.gigabytes("FLEET_RECORDINGS_ROBOT_GB", 100.0)
 FLEET_RECORD_EVERY_BOOKING = _env.flag("FLEET_RECORD_EVERY_BOOKING")
@@ -94,8 +95,8 @@ INSTALLED_APPS = [
     "fleet.bookings",
     "teleop",
 ]
-# The records process writes records of bridges: the other apps would take 25 MB.
-FLEET_SOME_APPS = sys.argv[1:2] == ["run_records"]
+# The records process writes records of bridges, the store process moves files: the other apps would take 25 MB.
+FLEET_SOME_APPS = sys.argv[1:2] in (["run_records"], ["run_store"])
 if FLEET_SOME_APPS:
     INSTALLED_APPS = [
         "django.contrib.auth",

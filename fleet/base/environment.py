@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,6 +40,8 @@ POSTGRESQL_OPTIONS = {
 }
 LONGEST_QUERY_S = 30  # only for web processes
 _HOST = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9])?", re.IGNORECASE)
+_BUCKET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{2,62}")
+_PREFIX = re.compile(r"([\w.-]+(/[\w.-]+)*)?", re.ASCII)
 _NUMBERS = re.compile(r"[0-9.]+")  # a wrong IP address, not a host name
 
 
@@ -143,6 +146,21 @@ class Environment:
             raise ImproperlyConfigured(f"{name}: there is no file {value}.")
         return value
 
+    def secret(self, name: str, why: str) -> str:
+        """Return a secret: the variable's text, or that of the file that `name`_FILE names. One must be set."""
+        path = self.file(f"{name}_FILE")
+        if path is None:
+            return self.required(name, why)
+        if self.text(name) is not None:
+            raise ImproperlyConfigured(f"{name} and {name}_FILE are both set. Remove one of them.")
+        try:
+            value = Path(path).read_text().strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise ImproperlyConfigured(f"{name}_FILE: the file {path} cannot be read: {error}.") from error
+        if not value:
+            raise ImproperlyConfigured(f"{name}_FILE: the file {path} is empty.")
+        return value
+
 
 def hosts(env: Environment, *, debug: bool) -> list[str]:
     """Return `FLEET_HOSTS`: the host names under which browsers may reach the console."""
@@ -235,6 +253,49 @@ def recordings(env: Environment, default: Path) -> Path | None:
             f"FLEET_RECORDINGS is {value!r}; it is an absolute folder, or off. Its parent must exist."
         )
     return folder
+
+
+@dataclass(frozen=True)
+class ObjectStore:
+    """An S3-compatible store: one bucket, and how all names of the console's objects in it begin."""
+
+    endpoint: str  # such as https://minio.lab.example:9000
+    bucket: str
+    prefix: str  # empty, or with a slash at its end
+    region: str
+    key: str
+    secret: str = field(repr=False)
+
+
+def object_store(env: Environment) -> ObjectStore | None:
+    """Return the store of `FLEET_S3_URL`, such as https://minio.lab.example:9000/BUCKET/PREFIX; None if not set."""
+    url = env.text("FLEET_S3_URL")
+    if url is None:
+        return None
+    parts, _ = _split("FLEET_S3_URL", url)
+    bucket, _, prefix = parts.path.strip("/").partition("/")
+    if (
+        parts.scheme not in ("http", "https")
+        or not parts.hostname
+        or "@" in parts.netloc
+        or parts.query
+        or parts.fragment
+        or not _BUCKET.fullmatch(bucket)
+        or not _PREFIX.fullmatch(prefix)
+    ):
+        raise ImproperlyConfigured(
+            "FLEET_S3_URL looks like https://minio.lab.example:9000/BUCKET or https://…/BUCKET/PREFIX; "
+            "the key is in FLEET_S3_KEY."
+        )
+    why = "FLEET_S3_URL is. The object store gives it for the console."
+    return ObjectStore(
+        f"{parts.scheme}://{parts.netloc}",
+        bucket,
+        f"{prefix}/" if prefix else "",
+        env.text("FLEET_S3_REGION") or "us-east-1",
+        env.required("FLEET_S3_KEY", why),
+        env.secret("FLEET_S3_SECRET", why),
+    )
 
 
 class WebhookAllow(NamedTuple):

@@ -7,6 +7,7 @@ and makes a thread and a database connection for each request: `docs/decisions/p
 from __future__ import annotations
 
 import asyncio
+import logging
 import sys
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -23,9 +24,15 @@ from fleet.site import sign_in_queue
 from fleet.site.pages.unavailable import TOO_MANY_SIGN_INS
 from fleet.site.sign_in_queue import QueueFull, SignInQueue, queued
 from robots.shared.processes.scheduling import ask_for_stop_priority
+from robots.shared.wire import NotDone
 from teleop.api.v1.framework.long_poll import LongPoll
 
 PIECE_BYTES = 65536  # of a file
+
+log = logging.getLogger(__name__)
+
+# Not the one thread of all other synchronous work: a disk or a store of recordings may not answer for seconds
+_files = ThreadPoolExecutor(8, "file")
 
 
 class OneThreadHandler:
@@ -200,8 +207,12 @@ async def _send(response: Any, send: Any) -> None:
     ]
     await send({"type": "http.response.start", "status": response.status_code, "headers": headers})
     if response.streaming:
-        async for part in _parts(response):
-            await send({"type": "http.response.body", "body": part, "more_body": True})
+        try:
+            async for part in _parts(response):
+                await send({"type": "http.response.body", "body": part, "more_body": True})
+        except (NotDone, OSError) as error:  # without an end, the client sees that it has not got all
+            log.warning("An answer breaks off: %s", error)
+            return
         await send({"type": "http.response.body"})
     else:
         await send({"type": "http.response.body", "body": response.content})
@@ -212,10 +223,12 @@ async def _parts(response: Any) -> AsyncIterator[bytes]:
         async for part in response:
             yield part
         return
+    parts = iter(response)
+    following = sync_to_async(lambda: next(parts, None))
     if isinstance(response, FileResponse):
         response.block_size = PIECE_BYTES
-    parts = iter(response)
-    while (part := await sync_to_async(lambda: next(parts, None))()) is not None:
+        following = sync_to_async(lambda: next(parts, None), thread_sensitive=False, executor=_files)
+    while (part := await following()) is not None:
         yield part
 
 

@@ -31,7 +31,7 @@ class Recording(models.Model):
     """A finished recording, as the recorder reported it (`TakenRecording`).
 
     `session` and `booking` are ids of rows that may be gone. A row stays when its file is deleted.
-    `file` is empty when the bridge's computer has removed it.
+    `file` is empty when the bridge's computer has none any more, `object` when the object store has none.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
@@ -68,6 +68,9 @@ class Recording(models.Model):
     place = models.CharField(_("stored in"), max_length=12, choices=Place, default=Place.DIRECTORY)
     directory = models.CharField(max_length=500, blank=True)  # on the computer of the bridge
     file = models.CharField(max_length=200)  # its name there
+    object = models.CharField(
+        max_length=400, blank=True
+    )  # its key in the object store, also of one that is begun
     thumbnail = models.BooleanField(default=False)  # beside it is a small picture
     # Retention leaves it alone. Null: nobody keeps it by hand
     kept_at = models.DateTimeField(_("kept"), null=True, blank=True)
@@ -85,6 +88,7 @@ class Recording(models.Model):
             models.Index(fields=["session"], name="recordings_by_session"),
             # Has all that `file_changes` reads: rows are large
             models.Index(fields=["id", "place", "kept_at", "file_kept", "file"], name="recordings_to_change"),
+            models.Index(fields=["object", "place"], name="recordings_by_object"),
         ]
 
     def __str__(self) -> str:

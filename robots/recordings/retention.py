@@ -20,7 +20,7 @@ def remove_expired(now: datetime) -> Iterator[None]:
         while _expire(kind, now):
             yield
     since = now - timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS)
-    Recording.objects.filter(place=Place.GONE, file="", deleted_at__lt=since).delete()
+    Recording.objects.filter(place=Place.GONE, file="", object="", deleted_at__lt=since).delete()
     yield
 
 

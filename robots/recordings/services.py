@@ -78,6 +78,33 @@ def recording_gone(recording_id: UUID) -> None:
     )
 
 
+def object_begins(recording_id: UUID, key: str) -> bool:
+    """Note that there may be an object of this file. Return False if the recording was deleted meanwhile."""
+    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY)
+    return bool(there.update(object=key))
+
+
+def object_stored(recording_id: UUID, key: str) -> bool:
+    """Note that the object store has the file, which may be removed here. Return False if it was deleted meanwhile."""
+    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY)
+    if there.update(place=Place.S3, object=key, file=""):
+        return True
+    # Its object may have been removed before it was whole
+    Recording.objects.filter(pk=recording_id, place=Place.GONE).update(object=key)
+    return False
+
+
+def objects_to_remove() -> list[tuple[UUID, str]]:
+    """Return deleted recordings that may have an object, each with its key."""
+    rows = Recording.objects.filter(place=Place.GONE, object__gt="")
+    return list(rows.values_list("pk", "object")[:MOST_CHANGES])
+
+
+def object_removed(recording_id: UUID, key: str) -> None:
+    """Note that the object is gone."""
+    Recording.objects.filter(pk=recording_id, place=Place.GONE, object=key).update(object="")
+
+
 def _id(text: str) -> UUID | None:
     """Return an id; None: there is none."""
     try:

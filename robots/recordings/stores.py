@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Literal
 
 from robots.recordings.away import FileAway
 from robots.recordings.models import Place, Recording
+from robots.recordings.s3.bucket import picture_of
+from robots.recordings.s3.object_file import open_object, read_object
 
 Part = Literal["file", "thumbnail"]
 _PICTURE = ".jpg"
@@ -26,6 +29,9 @@ def _opened(recording: Recording, part: Part) -> BinaryIO:
     match recording.place:
         case Place.DIRECTORY:
             return _in_directory(recording, part)
+        case Place.S3:
+            key = recording.object
+            return open_object(key) if part == "file" else BytesIO(read_object(picture_of(key)))
         case _:
             raise FileAway
 

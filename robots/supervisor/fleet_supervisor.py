@@ -1,5 +1,7 @@
 """The fleet supervisor: a bridge and a watchdog for each enabled robot, one records and one housekeeping process.
 
+If there is an object store, one store process, too.
+
 The fleet supervisor applies a new, edited or disabled robot within a second; other robots are not affected. After
 SIGTERM, SIGINT or SIGHUP all bridges end, and their robots stop.
 """
@@ -56,7 +58,7 @@ POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
 LAST_S = END_S + 1.0  # then this process exits, even if the database hangs
-HOUSEKEEPING, RECORDS = "run_housekeeping", "run_records"
+HOUSEKEEPING, RECORDS, STORE = "run_housekeeping", "run_records", "run_store"
 BRIDGE, WATCHDOG = ("-m", "fleet.site.run_bridge"), ("-m", "robots.bridge.watchdog")
 
 
@@ -141,6 +143,9 @@ class Fleet:
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
         if self._keeps_house:
             self._housekeeping.want(self._program(HOUSEKEEPING))
+        self._store = Keeper("Store", lambda *_: None)
+        if settings.FLEET_S3 is not None:
+            self._store.want(self._program(STORE))
 
     def claim(self) -> None:
         """Claim the console, the host, or the robots of the command line. Raises `AlreadySupervised`."""
@@ -280,7 +285,13 @@ class Fleet:
 
     @property
     def _all(self) -> list[Keeper]:
-        return [self._records, *self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
+        return [
+            self._records,
+            *self._keepers.values(),
+            *self._watchdogs.values(),
+            self._housekeeping,
+            self._store,
+        ]
 
     def _keeper(self, robot: Robot) -> Keeper:
         robot_id = robot.id

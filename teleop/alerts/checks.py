@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 from cryptography import x509
 from django.conf import settings
 from django.db import connection
+from django.db.models import Min
 from django.utils import timezone
 from redis import Redis, RedisError
 
@@ -24,6 +25,7 @@ from fleet.backup.selectors import last_backup
 from fleet.base.origin import settled_origin
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import AT_ONCE, state_once
+from robots.recordings.models import Place, Recording
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
@@ -32,6 +34,8 @@ from robots.shared.sentences import Sentence, say
 
 DISK_SHARE, DISK_BYTES = 0.05, 1e9  # less free space than both of them is a trouble
 BACKUP_AGE = timedelta(days=2)
+STORE_AGE = timedelta(hours=2)
+STORE_LEFT = timedelta(days=7)  # older ones are on computers that are gone
 CERTIFICATE_LEFT = timedelta(days=21)
 CONNECT_S = 3.0
 CERTIFICATES_S = 3600.0  # between two looks
@@ -124,6 +128,22 @@ def backup() -> Iterator[Trouble]:
     elif timezone.now() - last.at > BACKUP_AGE:
         days = (timezone.now() - last.at).days
         yield Trouble("backup", "", say("The last backup is {days} days old.", days=days))
+
+
+def store() -> Iterator[Trouble]:
+    """Look for recordings that have waited long to be uploaded, if there is an object store."""
+    if settings.FLEET_S3 is None:
+        return
+    now = timezone.now()
+    waiting = Recording.objects.filter(
+        place=Place.DIRECTORY, begins_at__gt=now - STORE_LEFT, ends_at__lt=now - STORE_AGE
+    )
+    if (since := waiting.aggregate(first=Min("ends_at"))["first"]) is not None:
+        words = say(
+            "Recordings have waited for the object store for {age:age}: the log of the store process says why.",
+            age=(now - since).total_seconds(),
+        )
+        yield Trouble("store", "", words)
 
 
 class Certificates:

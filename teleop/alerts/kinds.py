@@ -22,6 +22,7 @@ KINDS = {
     "redis": AlertKind(_("Redis does not answer"), 2),
     "database": AlertKind(_("the database does not answer"), 1),
     "disk": AlertKind(_("a disk is nearly full"), 0),
+    "store": AlertKind(_("recordings wait for the object store"), 0),
     "backup": AlertKind(_("there is no recent backup"), 0),
     "certificate": AlertKind(_("a certificate is over soon"), 0),
 }

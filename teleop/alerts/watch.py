@@ -58,6 +58,7 @@ class AlertWatch:
             ("redis",): checks.redis,
             ("database",): checks.database,
             ("disk",): checks.disk,
+            ("store",): checks.store,
             ("backup",): checks.backup,
             ("certificate",): checks.Certificates(),
         }

@@ -86,6 +86,10 @@ def test_production_does_not_start_without(missing, tmp_path):
         ("FLEET_DATABASE_URL", "postgresql://localhost"),
         ("FLEET_DATABASE_URL", "postgresql://localhost:many/fleet"),
         ("FLEET_REDIS_URL", "cache.lab.example"),
+        ("FLEET_S3_URL", "minio.lab.example/bucket"),
+        ("FLEET_S3_URL", "https://minio.lab.example"),
+        ("FLEET_S3_URL", "https://key:secret@minio.lab.example/bucket"),
+        ("FLEET_S3_URL", "https://minio.lab.example/bucket/../other bucket"),
         ("FLEET_LINK_SECRET", "short"),
         ("FLEET_LINK_CA", "/nowhere/ca.pem"),
         ("FLEET_CONTROL_TERM_S", "long"),
@@ -152,3 +156,23 @@ def test_lichtblick_is_served_from_a_build_only(tmp_path):
     assert "is no build of Lichtblick" in _start(tmp_path, **SOUND, FLEET_LICHTBLICK=str(folder))
     (folder / "main.js").touch()
     assert _start(tmp_path, **SOUND, FLEET_LICHTBLICK=str(folder)) is None
+
+
+S3 = {"FLEET_S3_URL": "https://s3.lab.example:9000/bucket/lab/one/", "FLEET_S3_KEY": "key"}
+
+
+def test_an_object_store_has_its_secret_from_the_variable_or_a_file(tmp_path):
+    (tmp_path / "secret").write_text("s3cret\n")
+    in_file = {**S3, "FLEET_S3_SECRET_FILE": str(tmp_path / "secret")}
+    store = environment.object_store(Environment(in_file))
+    assert store == environment.object_store(Environment({**S3, "FLEET_S3_SECRET": "s3cret"}))
+    assert (store.endpoint, store.bucket, store.prefix) == (
+        "https://s3.lab.example:9000",
+        "bucket",
+        "lab/one/",
+    )
+    assert store.secret == "s3cret" and "s3cret" not in repr(store)
+    assert environment.object_store(Environment({})) is None
+    for wrong in (S3, {**in_file, "FLEET_S3_SECRET": "x"}, {**S3, "FLEET_S3_SECRET_FILE": "/dev/null"}):
+        with pytest.raises(ImproperlyConfigured, match=r"^FLEET_S3_SECRET"):
+            environment.object_store(Environment(wrong))

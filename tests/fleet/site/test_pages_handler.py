@@ -4,9 +4,11 @@ import asyncio
 import threading
 
 import pytest
-from django.http import HttpResponse
+from asgiref.sync import sync_to_async
+from django.http import FileResponse, HttpResponse
 
-from fleet.site.handler import PagesHandler
+from fleet.site.handler import PagesHandler, _send
+from robots.shared.wire import NotDone, Refusal
 
 
 @pytest.fixture
@@ -57,3 +59,55 @@ async def test_a_client_that_leaves_gives_its_place_back(handler):
     await asyncio.gather(*running, waiting, return_exceptions=True)
     end.set()
     assert await asyncio.wait_for(handler.on_thread(lambda: "answered"), 10.0) == "answered"
+
+
+async def test_a_file_that_hangs_holds_up_no_other_work(handler):
+    end = threading.Event()
+
+    class Hanging:
+        name = "file"
+
+        def __init__(self):
+            self.left = [b"rest", b"begin"]
+
+        def read(self, _size):
+            if len(self.left) == 1:
+                assert end.wait(30.0)
+            return self.left.pop() if self.left else b""
+
+        def close(self):
+            pass
+
+    sent, begun = [], asyncio.Event()
+
+    async def send(event):
+        sent.append(event)
+        if "body" in event:
+            begun.set()
+
+    answering = asyncio.ensure_future(_send(FileResponse(Hanging()), send))
+    await begun.wait()
+    assert await asyncio.wait_for(sync_to_async(lambda: "answered")(), 10.0) == "answered"
+    assert not answering.done()
+    end.set()
+    await answering
+    assert [event.get("body") for event in sent[1:]] == [b"begin", b"rest", None]
+
+
+async def test_a_file_that_breaks_off_leaves_an_answer_without_an_end(handler):
+    class Broken:
+        name = "file"
+
+        def read(self, _size):
+            raise NotDone(Refusal("store_away", "The store is away.", "robot"))
+
+        def close(self):
+            pass
+
+    sent = []
+
+    async def send(event):
+        sent.append(event)
+
+    await _send(FileResponse(Broken()), send)
+    assert [event["type"] for event in sent] == ["http.response.start"]

@@ -70,6 +70,15 @@ def test_every_robot_gets_a_bridge_the_fleet_its_other_programs(supervised: Supe
         supervised.until_started(name, 1)
 
 
+@override_settings(FLEET_S3=object())
+def test_a_console_with_an_object_store_moves_recordings_there(programs: FakePrograms, robot: Robot) -> None:
+    supervised = Supervised(programs)
+    try:
+        supervised.until_started("run_store", 1)
+    finally:
+        supervised.fleet.end_programs()
+
+
 def test_a_poll_without_a_change_makes_one_query(supervised: Supervised, robot: Robot) -> None:
     supervised.until_started("tiago-1", 1)
     supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the bridge runs")

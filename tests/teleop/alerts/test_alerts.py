@@ -20,6 +20,7 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from fleet.base.schema import SchemaRefused
+from robots.recordings.models import Place, Recording
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, forget, only_instance
 from robots.shared.sentences import say
@@ -254,6 +255,28 @@ def test_backup_disk_redis_and_certificate(settings: LazySettings, monkeypatch: 
     monkeypatch.setattr(checks, "CERTIFICATES_S", -1.0)
     monkeypatch.setattr(checks, "_ends", lambda: ())  # nobody answers there now
     assert [one.subject for one in certificates()] == ["fleet.example"]
+
+
+@pytest.mark.django_db
+def test_a_recording_that_waits_long_for_the_object_store_is_found(
+    robot: Robot, settings: LazySettings
+) -> None:
+    now = timezone.now()
+
+    def recorded(ago: timedelta, place: Place = Place.DIRECTORY) -> None:
+        times = {"begins_at": now - ago - timedelta(minutes=1), "ends_at": now - ago}
+        Recording.objects.create(robot=robot, kind="by_hand", file="one.mcap", place=place, **times)
+
+    recorded(timedelta(hours=3), Place.S3)
+    recorded(timedelta(hours=1))
+    recorded(timedelta(days=30))
+    settings.FLEET_S3 = object()
+    assert list(checks.store()) == []
+    recorded(timedelta(hours=3))
+    (trouble,) = checks.store()
+    assert trouble.kind == "store" and "for 180 min" in trouble.words
+    settings.FLEET_S3 = None
+    assert list(checks.store()) == []
 
 
 # --- pages ----------------------------------------------------------------------------------------

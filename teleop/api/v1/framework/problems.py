@@ -35,6 +35,8 @@ _OUT_OF_REACH = (
     "no_answer",
     "camera_silent",
     "recording_away",
+    "recording_lost",
+    "store_away",
 )
 _BY_CODE = {
     "signed_out": 401,

@@ -1,0 +1,1 @@
+"""Recordings in an S3-compatible object store: reading, upload in the background, removal."""
