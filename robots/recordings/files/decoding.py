@@ -10,7 +10,7 @@ import msgspec
 from mcap.records import Channel, Schema
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.msg import denormalize_msgtype, normalize_msgtype
+from rosbags.typesys.msg import normalize_msgtype
 
 MOST_FIELDS = 400  # names of one topic that are offered
 DEEPEST = 8
@@ -80,11 +80,6 @@ def number_at(message: Any, path: str) -> float | None:
         return float(message)
     except (TypeError, ValueError):
         return None
-
-
-def plain_type(name: str) -> str:
-    """Return a type's name as ROS 1 writes it: sensor_msgs/Image."""
-    return denormalize_msgtype(normalize_msgtype(name))
 
 
 def _numbers(definitions: Any, name: str, before: str, deeper: int) -> Iterator[str]:
