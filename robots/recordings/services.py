@@ -13,6 +13,11 @@ from fleet.accounts.models import User
 from robots.recordings.models import Place, Recording
 from robots.shared.records.record_sink import FileChange, TakenRecording
 
+# Fields that row and report have alike
+_SAME = (
+    *("kind", "bytes", "directory", "topics", "events", "course", "reason", "version", "dropped", "continues"),
+    *("cut", "ended_by", "thumbnail"),
+)
 MOST_CHANGES = 200  # at a time: the bridge asks again
 
 
@@ -45,6 +50,19 @@ def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
         },
     )
     return recording
+
+
+def taken_of(recording: Recording) -> TakenRecording:
+    """Return what the row says now, as the report of its file."""
+    named = {"session": recording.session, "booking": recording.booking, "person": recording.person_id}
+    facts = {name: getattr(recording, name) for name in _SAME} | {
+        "recording": recording.pk,
+        "robot": str(recording.robot_id),
+        "begins": recording.begins_at.timestamp(),
+        "ends": recording.ends_at.timestamp(),
+        "name": recording.file,
+    }
+    return msgspec.convert(facts | {name: str(id or "") for name, id in named.items()}, TakenRecording)
 
 
 def file_changes(after: UUID | None = None) -> list[tuple[UUID, FileChange]]:

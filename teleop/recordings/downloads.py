@@ -12,18 +12,21 @@ import shutil
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 from uuid import uuid4
 
 import msgspec
 from django.conf import settings
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from robots.recordings import stores
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
+from robots.recordings.services import taken_of
+from robots.shared.records.record_sink import KeptEvent, TakenRecording
 from robots.shared.wire import NotDone, Refusal
 from teleop.recordings.replay import windows_ns
 from teleop.recordings.selectors import Sight
@@ -73,7 +76,7 @@ def _made(sight: Sight, wanted: Wanted) -> Path:
     """Return the path of a part, made now if needed. Raises `NotDone` or `FileAway`."""
     recording = sight.recording
     parts = sorted(windows_ns(sight))
-    asked = hashlib.sha256(msgspec.json.encode([wanted, parts])).hexdigest()[:20]
+    asked = hashlib.sha256(msgspec.json.encode([wanted, parts, _about(sight)])).hexdigest()[:20]
     folder = _folder()
     path = folder / f"{recording.pk}-{asked}.{wanted.format}"
     if path.exists():
@@ -108,9 +111,10 @@ def remove_old(now_s: float | None = None) -> Iterator[None]:
     """Remove files that nobody downloads any more, one at each step."""
     now_s = time.time() if now_s is None else now_s
     for path in _folder().iterdir():
-        if path.stat().st_mtime < now_s - KEPT_S:
-            path.unlink(missing_ok=True)
-            yield
+        with suppress(FileNotFoundError):  # it was finished or removed meanwhile
+            if path.stat().st_mtime < now_s - KEPT_S:
+                path.unlink()
+        yield
 
 
 def _make(sight: Sight, wanted: Wanted, target: Path) -> None:
@@ -122,11 +126,20 @@ def _make(sight: Sight, wanted: Wanted, target: Path) -> None:
             topics = others if topics is None else [topic for topic in topics if topic in others]
         if wanted.format == "mcap":
             with target.open("xb") as file:
-                count = cut(contents, file, topics=topics, windows=_windows(sight, wanted))
+                windows = _windows(sight, wanted)
+                count = cut(contents, file, topics=topics, windows=windows, about=_about(sight))
         else:
             count = write_bag(contents, target, topics=topics, windows=_windows(sight, wanted))
     if not count:
         raise NotDone(_EMPTY)
+
+
+def _about(sight: Sight) -> TakenRecording:
+    """Return what a file that is made for this person says of itself: what the person is told of the recording."""
+    told = structs.replace(
+        taken_of(sight.recording), directory="", events=msgspec.convert(sight.events, list[KeptEvent])
+    )
+    return told if sight.tells_owner else structs.replace(told, person="", session="", reason="")
 
 
 def _windows(sight: Sight, wanted: Wanted) -> list[tuple[int, int]]:

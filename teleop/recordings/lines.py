@@ -13,7 +13,8 @@ from fleet.base.durations import duration_text
 from robots.access.who_sees import Reader
 from robots.recordings.models import Recording
 from teleop.models import ControlSession
-from teleop.recordings.selectors import Sight, recordings_of_session, sights_of
+from teleop.recordings.listing import seen
+from teleop.recordings.selectors import Sight, recordings_of_session
 
 EVENTS = {
     "stop": _("emergency stop"),
@@ -45,14 +46,15 @@ class Line(Struct, frozen=True):
 
     recording: Recording
     whole: bool
+    tells_owner: bool
     lasts: str
     events: list[Event]
     kinds: list[str]  # of the events, each once
 
 
-def lines(user: User, recordings: Sequence[Recording], reader: Reader | None = None) -> list[Line]:
-    """Return the recordings of which the person sees anything."""
-    return [_line(sight) for sight in sights_of(user, recordings, reader) if sight]
+def lines(user: User, recordings: Sequence[Recording], reader: Reader, event: str = "") -> list[Line]:
+    """Return the recordings of which the person sees anything. `event`: only those in which they see it."""
+    return [_line(sight) for sight in seen(user, recordings, reader, event)]
 
 
 def lines_of_session(user: User, session: ControlSession, reader: Reader) -> list[Line]:
@@ -64,12 +66,7 @@ def lines_of_session(user: User, session: ControlSession, reader: Reader) -> lis
 def events_of(sight: Sight) -> list[Event]:
     """Return what happened in the parts that the person sees."""
     began_s = sight.recording.begins_at.timestamp()
-    found = []
-    for event in sight.recording.events:
-        at_s = float(event.get("at", 0))
-        if any(part.begins_at.timestamp() <= at_s <= part.ends_at.timestamp() for part in sight.parts):
-            found.append(_event(event, round(at_s - began_s, 3)))
-    return found
+    return [_event(event, round(event["at"] - began_s, 3)) for event in sight.events]
 
 
 def _event(event: dict[str, Any], at_s: float) -> Event:
@@ -81,4 +78,4 @@ def _line(sight: Sight) -> Line:
     seen_s = sum((part.ends_at - part.begins_at).total_seconds() for part in sight.parts)
     events = events_of(sight)
     kinds = list(dict.fromkeys(event.what for event in events))
-    return Line(sight.recording, sight.whole, duration_text(seen_s), events, kinds)
+    return Line(sight.recording, sight.whole, sight.tells_owner, duration_text(seen_s), events, kinds)

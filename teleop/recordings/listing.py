@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from datetime import datetime
 
 from django.db import connection
 from django.db.models import Q, QuerySet
 from msgspec import Struct
 
+from fleet.accounts.models import User
+from robots.access.who_sees import Reader
 from robots.recordings.models import Recording
+from teleop.recordings.selectors import Sight, recordings_of, sights_of, told_to
 
 
 class Filters(Struct, frozen=True):
@@ -26,15 +30,15 @@ class Filters(Struct, frozen=True):
     words: str = ""  # in reason, robot and person
 
 
-def filtered(recordings: QuerySet[Recording], filters: Filters) -> QuerySet[Recording]:
-    """Return those that match."""
-    found = recordings
+def filtered(user: User, reader: Reader, filters: Filters) -> QuerySet[Recording]:
+    """Return those that match of which a person sees a part, the newest first. Nobody finds what they are not told."""
+    found, told = recordings_of(user, reader), told_to(user, reader)
     for field, value in (("robot__slug", filters.robot), ("course", filters.course), ("kind", filters.kind)):
         if value:
             found = found.filter(**{field: value})
     if filters.person:
         found = found.filter(
-            Q(person__username=filters.person) | Q(person__full_name__icontains=filters.person)
+            told & (Q(person__username=filters.person) | Q(person__full_name__icontains=filters.person))
         )
     if filters.begin:
         found = found.filter(ends_at__gt=filters.begin)
@@ -46,9 +50,19 @@ def filtered(recordings: QuerySet[Recording], filters: Filters) -> QuerySet[Reco
         found = found.filter(has("topics", "topic", filters.topic))
     for word in filters.words.split()[:5]:
         found = found.filter(
-            Q(reason__icontains=word) | Q(robot__name__icontains=word) | Q(person__full_name__icontains=word)
+            Q(robot__name__icontains=word)
+            | told & (Q(reason__icontains=word) | Q(person__full_name__icontains=word))
         )
     return found
+
+
+def seen(user: User, recordings: Sequence[Recording], reader: Reader, event: str = "") -> list[Sight]:
+    """Return what a person sees of these; `event`: only those in which they see such an event.
+
+    The query finds it in the whole recording, of which the person may see another part.
+    """
+    sights = [sight for sight in sights_of(user, recordings, reader) if sight]
+    return [sight for sight in sights if not event or any(one["event"] == event for one in sight.events)]
 
 
 def has(field: str, name: str, value: str) -> Q:

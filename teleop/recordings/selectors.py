@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from uuid import UUID
 
 from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
@@ -38,6 +38,17 @@ class Sight(NamedTuple):
     whole: bool
     parts: list[Part]
     may_change: bool  # keep, share and delete it
+    tells_owner: bool = True  # who owns it, its reason and its control session
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events (`KeptEvent`) in the parts that one may see."""
+        times = [(part.begins_at.timestamp(), part.ends_at.timestamp()) for part in self.parts]
+        return [
+            event
+            for event in self.recording.events
+            if any(begin <= event["at"] <= end for begin, end in times)
+        ]
 
     def part_at(self, moment: datetime) -> Part | None:
         """Return the part with this moment; None: the person must not see it."""
@@ -52,14 +63,20 @@ def recordings_of(user: User, reader: Reader | None = None) -> QuerySet[Recordin
         return there.none()
     if reader.robots is None:
         return there
+    return there.filter(told_to(user, reader) | _shows(user))
+
+
+def told_to(user: User, reader: Reader) -> Q:
+    """Return the condition that a person sees a recording by more than their sessions in it, so `Sight.tells_owner`."""
+    if reader.robots is None:
+        return Q()
     managed = Course.objects.filter(pk__in=reader.courses)
-    return there.filter(
+    return (
         Q(person=user)
         | Q(robot__in=reader.robots)
         | Q(course__in=managed.values("slug"))
         | Q(booking__in=Booking.objects.filter(course__in=reader.courses).values("pk"))
         | Q(pk__in=_shared_with(user).values("recording"))
-        | _shows(user)
     )
 
 
@@ -97,7 +114,7 @@ def sights_of(
         if recording.pk in shared:
             return Sight(recording, True, whole, mine)
         parts = [_clipped(session, recording) for session in shown if session.user_id == user.pk]
-        return Sight(recording, False, parts, False) if parts else None
+        return Sight(recording, False, parts, False, tells_owner=mine) if parts else None
 
     return without_erased([sight(recording) for recording in recordings])
 

@@ -42,11 +42,11 @@ def recordings(request: HttpRequest) -> HttpResponse:
     person = person_of(request)
     reader = reader_of(person)
     filters, first, last = _filters(request)
-    found = filtered(recordings_of(person, reader), filters).select_related("robot", "person").defer("topics")
+    found = filtered(person, reader, filters).select_related("robot", "person").defer("topics")
     page: Page[Recording] = Paginator(found, ROWS).get_page(request.GET.get("page"))
     context = {
         "page": page,
-        "lines": lines(person, list(page), reader),
+        "lines": lines(person, list(page), reader, filters.event),
         "filters": filters,
         "first": first,
         "last": last,

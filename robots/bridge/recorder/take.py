@@ -19,7 +19,7 @@ from robots.bridge.recorder.files.mcap_file import CHUNK_BYTES, MOST_CHANNELS, M
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
 from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
-from robots.shared.records.record_sink import KeptEvent, RecordedTopic, TakenRecording
+from robots.shared.records.record_sink import ABOUT, KeptEvent, RecordedTopic, TakenRecording
 from robots.shared.wire import RecordingEvent, Refusal
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ MOST_WAITING_BYTES = 24 * 1024 * 1024  # in memory, for the disk
 MOST_PICTURES = 8  # topics, of which one becomes the small picture beside the file
 MOST_INDEX_BYTES = 32 * 1024 * 1024  # of the index in memory: a file with more of it is opened slowly
 SLOW_S = 3.0  # a disk that takes longer for a second of data is too slow
-ABOUT, DROPPED, CLOCK = "fleet", "fleet_dropped", "fleet_clock"  # names of metadata
+DROPPED, CLOCK = "fleet_dropped", "fleet_clock"  # names of metadata, besides `ABOUT`
 
 FAILED = Refusal(
     "recorder_failed", "The recording broke: the log of the robot’s bridge has the reason.", "robot"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from typing import BinaryIO
 
+import msgspec
 from mcap.writer import CompressionType, Writer
 
 from robots.recordings.files.contents import PICTURES, Contents, Recorded
+from robots.shared.records.record_sink import ABOUT, TakenRecording
 
 LIBRARY = "fleet console"
 ALL = ((0, 2**63 - 1),)
@@ -19,9 +21,11 @@ def cut(
     *,
     topics: Collection[str] | None = None,
     windows: Sequence[tuple[int, int]] = ALL,
+    about: TakenRecording,
 ) -> int:
     """Write the parts (ns, ends exclusive, in order) as MCAP; return the number of messages. Raises `Unreadable`.
 
+    `about`: what the new file says of itself. The whole file names everybody; who gets a part may not read that.
     Transforms that hold for ever (`/tf_static`) and other latched messages before a part are in it, at its beginning.
     """
     writer = Writer(target, compression=CompressionType.ZSTD)
@@ -41,8 +45,10 @@ def cut(
             )
         writer.add_message(channels[channel.id], at_ns, message.data, at_ns, message.sequence)
         count += 1
+    writer.add_metadata(ABOUT, {"taken": msgspec.json.encode(about).decode()})
     for metadata in contents.metadata():
-        writer.add_metadata(metadata.name, dict(metadata.metadata))
+        if metadata.name != ABOUT:
+            writer.add_metadata(metadata.name, dict(metadata.metadata))
     writer.finish()  # type: ignore[no-untyped-call]
     return count
 

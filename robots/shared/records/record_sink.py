@@ -107,6 +107,9 @@ class TakenDescription(Struct, frozen=True):
     problem: str = ""
 
 
+ABOUT = "fleet"  # name of the metadata in which a file has its `TakenRecording` as JSON, with the key `taken`
+
+
 class RecordedTopic(Struct, frozen=True):
     """A topic in a recording. A topic that changed its type is there once for each type."""
 

@@ -15,6 +15,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.base.ranged_file import ranged_file
 from robots.access.models import Course
+from robots.access.who_sees import reader_of
 from robots.recordings import stores
 from robots.recordings.away import FileAway
 from robots.recordings.files.contents import Contents, Unreadable
@@ -28,8 +29,8 @@ from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import makes, manages
 from teleop.models import RecordingShare
 from teleop.recordings import downloads, pictures, replay, services
-from teleop.recordings.listing import Filters, filtered
-from teleop.recordings.selectors import Sight, recordings_of, sight_of
+from teleop.recordings.listing import Filters, filtered, seen
+from teleop.recordings.selectors import Sight, sight_of
 
 Seconds = Annotated[float, Meta(ge=0.0, le=90_000.0, description="Since the recording began.")]
 Topic = Annotated[str, Meta(min_length=1, max_length=255)]
@@ -37,11 +38,14 @@ Words = Annotated[str, Meta(max_length=150)]
 
 
 class RecordingEntry(Struct, frozen=True):
-    """A recording. `yours`: you asked for it, or had control."""
+    """A recording, as far as you see it. `yours`: you asked for it, or had control.
+
+    Who sees only the time of their own sessions in the recording of another person is not told whose it is.
+    """
 
     id: UUID
     robot: str
-    person: str | None  # name; null: nobody
+    person: str | None  # name; null: nobody, or you are not told
     yours: bool
     kind: Literal["black_box", "by_hand", "booking"]
     begins_at: Time
@@ -53,7 +57,7 @@ class RecordingEntry(Struct, frozen=True):
     bytes: int
     dropped: int  # messages that are missing in it
     cut: bool  # its last second may be missing: the recorder broke
-    events: list[dict[str, Any]]
+    events: list[dict[str, Any]]  # in the parts that you see
     topics: list[dict[str, Any]]
     kept: bool  # retention leaves it alone
     thumbnail: bool
@@ -175,15 +179,18 @@ class RecordingBase(ApiView):
         except Unreadable as error:
             raise Problem(downloads.UNREADABLE) from error
 
-    def entry(self, recording: Recording) -> RecordingEntry:
+    def entry(self, sight: Sight) -> RecordingEntry:
         """Return a recording as it is shown to this person."""
-        person = recording.person
+        recording, told = sight.recording, sight.tells_owner
         return entry_of(
             RecordingEntry,
             recording,
             robot=recording.robot.slug,
-            person=person.display_name if person else None,
+            person=recording.person.display_name if told and recording.person else None,
             yours=recording.person_id == self.person.pk,
+            session=recording.session if told else None,
+            reason=recording.reason if told else "",
+            events=sight.events,
             kept=recording.kept_at is not None,
         )
 
@@ -191,7 +198,7 @@ class RecordingBase(ApiView):
 class RecordingsView(RecordingBase):
     @reads("recordings_list", "List recordings")
     def get(self, query: RecordingsAsked) -> RecordingList:
-        """Those of which you see at least a part."""
+        """Those of which you see at least a part. A page with a filter may have fewer than `limit`."""
         filters = Filters(
             query.robot,
             query.person,
@@ -203,13 +210,15 @@ class RecordingsView(RecordingBase):
             utc(query.to) if query.to else None,
             query.q,
         )
-        found = filtered(recordings_of(self.person), filters).select_related("robot", "person")
+        reader = reader_of(self.person)
+        found = filtered(self.person, reader, filters).select_related("robot", "person")
         if self.token is not None and self.token.robots:
             found = found.filter(robot__in=self.token.robots)
         rows, following = page_by_time(
             found, "begins_at", query.cursor, query.limit, oldest_first=query.order == "oldest"
         )
-        return RecordingList([self.entry(row) for row in rows], following)
+        shown = seen(self.person, rows, reader, query.event)
+        return RecordingList([self.entry(sight) for sight in shown], following)
 
 
 class RecordingView(RecordingBase):
@@ -220,7 +229,7 @@ class RecordingView(RecordingBase):
         shares = sight.recording.shares.select_related("person", "course") if sight.may_change else []
         with self.contents(sight) as contents:
             return RecordingDetail(
-                self.entry(sight.recording),
+                self.entry(sight),
                 sight.whole,
                 sight.may_change,
                 replay.contents_of(sight, contents),

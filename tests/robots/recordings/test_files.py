@@ -8,6 +8,7 @@ from pathlib import Path
 from unittest import mock
 from uuid import uuid4
 
+import msgspec
 import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
@@ -16,6 +17,7 @@ from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Summaries, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
+from robots.shared.records.record_sink import TakenRecording
 from tests.robots.recordings.samples import SECOND, sample
 
 
@@ -39,8 +41,13 @@ def test_a_file_that_was_cut_is_not_read(size: int) -> None:
 
 def test_a_cut_begins_with_what_is_latched() -> None:
     contents, target = Contents(sample()), io.BytesIO()
+    about = TakenRecording(uuid4(), "", "by_hand", 2.0, 3.0, 0, "", "", [])
     count = cut(
-        contents, target, topics=topics_without_pictures(contents), windows=[(2 * SECOND, 3 * SECOND)]
+        contents,
+        target,
+        topics=topics_without_pictures(contents),
+        windows=[(2 * SECOND, 3 * SECOND)],
+        about=about,
     )
     target.seek(0)
     found = list(make_reader(target).iter_messages())
@@ -48,7 +55,9 @@ def test_a_cut_begins_with_what_is_latched() -> None:
     assert {channel.topic for _, channel, _ in found} == {"/map", "/odom", "/fleet/view"}
     assert [message.log_time for _, channel, message in found if channel.topic == "/map"] == [2 * SECOND]
     part = Contents(target)
-    assert part.begins_ns == 2 * SECOND and part.metadata()[0].metadata == {"robot": "tiago-1"}
+    assert part.begins_ns == 2 * SECOND
+    [told] = [one.metadata["taken"] for one in part.metadata() if one.name == "fleet"]
+    assert msgspec.json.decode(told, type=TakenRecording) == about
 
 
 def test_values_of_ros_and_of_the_chain() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import json
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import pytest
 from django.http import HttpResponseBase
@@ -91,6 +93,37 @@ def test_a_student_gets_the_time_of_their_session_and_no_more(
         message.log_time / 1e9 - BEGAN.timestamp() for _, _, message in make_reader(theirs).iter_messages()
     ]
     assert min(times) >= 2.999 and max(times) <= 3.501
+
+
+def test_whose_recording_it_is_and_what_others_did_stays_theirs(
+    recording: Recording, robot: Robot, operator: User, second_operator: User, staff: User
+) -> None:
+    session(robot, second_operator, 0.05, 0.07)  # before the stop
+    Recording.objects.update(reason="bumped into the cupboard", session=uuid4(), events=[*recording.events])
+    hidden = ("cupboard", "Emergency stop", "Olga", str(operator.pk), operator.display_name)
+
+    def told(person: User) -> list[str]:
+        file = io.BytesIO(content(get(person, recording, "/file?format=mcap")))
+        client = Client()
+        client.force_login(person)
+        return [
+            str(make_reader(file).get_header()) + str(list(make_reader(file).iter_metadata())),
+            json.dumps(get(person, recording).json()),
+            client.get("/api/v1/recordings").text,
+            client.get("/recordings/").text.split('id="list"')[1],
+            client.get(f"/recordings/{recording.pk}/").text.split("<main")[1],
+        ]
+
+    for where, text in enumerate(told(second_operator)):
+        assert str(recording.pk) in text and not any(words in text for words in hidden), where
+    for where, text in enumerate(told(operator)):  # their own part ends before the stop, too
+        assert "cupboard" in text and "Emergency stop" not in text, where
+    assert all("cupboard" in text for text in told(staff)[1:])
+    client = Client()
+    client.force_login(second_operator)
+    for query, count in (("", 1), ("?q=tiago", 1), ("?q=cupboard", 0), ("?q=Olga", 0), ("?event=stop", 0)):
+        assert len(client.get(f"/api/v1/recordings{query}").json()["recordings"]) == count, query
+    assert client.get(f"/api/v1/recordings?person={operator.username}").json()["recordings"] == []
 
 
 def test_a_part_can_be_read_from_its_rounded_begin(

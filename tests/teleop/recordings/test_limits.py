@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ from robots.recordings.models import Place, Recording
 from robots.recordings.retention import remove_expired
 from robots.registry.models import Robot
 from robots.shared.wire import NotDone
+from teleop.recordings import downloads
 from teleop.recordings.quota import check_quota
 from tests.teleop.recordings.test_sight import BEGAN, recorded
 
@@ -44,6 +47,20 @@ def test_each_kind_goes_after_its_days_and_what_is_kept_stays(recorded: Any, set
     assert [one["recordings"] for one in records] == ["black_box", "by_hand", "booking"]
     Recording.objects.filter(place=Place.GONE).update(file="")
     assert left(9999) == [] and list(Recording.objects.all()) == [kept]
+
+
+def test_files_of_downloads_that_vanish_do_not_end_the_housekeeping(settings: Any, tmp_path: Path) -> None:
+    settings.FLEET_VAR = tmp_path
+    (tmp_path / "downloads").mkdir()
+    old = [tmp_path / "downloads" / f"{number}.bag" for number in range(3)]
+    for path in old:
+        path.touch()
+        os.utime(path, (0, 0))
+    steps = downloads.remove_old()
+    next(steps)
+    left = [path for path in old if path.exists()]
+    left[0].unlink()  # another process was faster
+    assert list(steps) and not any(path.exists() for path in old)
 
 
 def test_a_new_recording_is_refused_beyond_the_quotas(

@@ -17,9 +17,9 @@ from robots.bridge.recorder.files import recovery
 from robots.bridge.recorder.files.directory import FILE, NEW, PICTURE, Draft, RecordingDirectory
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
 from robots.bridge.recorder.ring import Message, Origin, is_picture
-from robots.bridge.recorder.take import ABOUT, DROPPED
+from robots.bridge.recorder.take import DROPPED
 from robots.shared import wire
-from robots.shared.records.record_sink import RecordedTopic, TakenRecording
+from robots.shared.records.record_sink import ABOUT, RecordedTopic, TakenRecording
 
 log = logging.getLogger(__name__)
 
