@@ -6,12 +6,12 @@ continued.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
@@ -31,8 +31,11 @@ from robots.shared.wire import NotDone, Refusal
 from teleop.recordings.replay import windows_ns
 from teleop.recordings.selectors import Sight
 
-KEPT_S = 6 * 3600.0
-LEAST_FREE = 1024 * 1024 * 1024  # bytes of the disk that stay free
+KEPT_S = 6 * 3600.0  # after its last use
+IN_USE_S = 600.0  # after its last use it does not give way to another one
+MOST_BYTES = 20 * 10**9  # of all such files
+# Bytes of the disk that stay free beside those that recordings leave: else the downloads would end the recordings
+RESERVE = 10**9
 AT_ONCE = 2  # files that are made at the same time: each occupies a thread, and pages need threads, too
 WAIT_S = 20.0
 
@@ -44,6 +47,7 @@ _EMPTY = Refusal("nothing_in_it", "The recording has no messages in this time an
 _NO_BAG = Refusal("no_bag", "A bag has messages of ROS 1 only: download this recording as MCAP.", "wire")
 UNREADABLE = Refusal("recording_unreadable", "The file of this recording cannot be read.", "robot")
 
+_DRAFT = ".draft"  # before it stands how large the file may become
 _making = threading.BoundedSemaphore(AT_ONCE)
 
 
@@ -80,23 +84,23 @@ def _made(sight: Sight, wanted: Wanted) -> Path:
     folder = _folder()
     path = folder / f"{recording.pk}-{asked}.{wanted.format}"
     if path.exists():
-        os.utime(path)
+        # The time of its last change stays: a browser continues only a file that did not change
+        os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
         return path
-    if shutil.disk_usage(folder).free < recording.bytes + LEAST_FREE:
-        raise NotDone(_FULL)
     if not _making.acquire(timeout=WAIT_S):
         raise NotDone(_BUSY)
-    draft = folder / f"{uuid4()}.draft"
     try:
-        _make(sight, wanted, draft)
-        draft.rename(path)
+        _make(sight, wanted, path)
     except Unreadable as error:
         raise NotDone(UNREADABLE) from error
     except NoBag as error:
         raise NotDone(_NO_BAG) from error
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise NotDone(_FULL) from error
     finally:
         _making.release()
-        draft.unlink(missing_ok=True)
     return path
 
 
@@ -107,31 +111,34 @@ def name_of(sight: Sight, wanted: Wanted) -> str:
     return f"{recording.robot.slug}-{recording.begins_at:%Y%m%dT%H%M%SZ}{part}.{wanted.format}"
 
 
-def remove_old(now_s: float | None = None) -> Iterator[None]:
-    """Remove files that nobody downloads any more, one at each step."""
-    now_s = time.time() if now_s is None else now_s
-    for path in _folder().iterdir():
-        with suppress(FileNotFoundError):  # it was finished or removed meanwhile
-            if path.stat().st_mtime < now_s - KEPT_S:
-                path.unlink()
-        yield
+def remove_old() -> None:
+    """Remove files that nobody downloads any more."""
+    for file in _files(_folder()):
+        if file.used_s < time.time() - KEPT_S:
+            file.path.unlink(missing_ok=True)
 
 
-def _make(sight: Sight, wanted: Wanted, target: Path) -> None:
+def _make(sight: Sight, wanted: Wanted, path: Path) -> None:
     with stores.open_file(sight.recording) as stream:
-        contents = Contents(stream, sight.recording.pk)
+        contents, windows = Contents(stream, sight.recording.pk), _windows(sight, wanted)
         topics = wanted.topics
         if not wanted.pictures:
             others = topics_without_pictures(contents)
             topics = others if topics is None else [topic for topic in topics if topic in others]
-        if wanted.format == "mcap":
-            with target.open("xb") as file:
-                windows = _windows(sight, wanted)
-                count = cut(contents, file, topics=topics, windows=windows, about=_about(sight))
-        else:
-            count = write_bag(contents, target, topics=topics, windows=_windows(sight, wanted))
-    if not count:
-        raise NotDone(_EMPTY)
+        needed = _needed(contents, wanted, windows)
+        _make_room(path.parent, needed)
+        draft = path.with_name(f"{uuid4()}.{needed}{_DRAFT}")
+        try:
+            if wanted.format == "mcap":
+                with draft.open("xb") as file:
+                    count = cut(contents, file, topics=topics, windows=windows, about=_about(sight))
+            else:
+                count = write_bag(contents, draft, topics=topics, windows=windows)
+            if not count:
+                raise NotDone(_EMPTY)
+            draft.rename(path)
+        finally:
+            draft.unlink(missing_ok=True)
 
 
 def _about(sight: Sight) -> TakenRecording:
@@ -149,6 +156,59 @@ def _windows(sight: Sight, wanted: Wanted) -> list[tuple[int, int]]:
     end = began_ns + round(wanted.until_s * 1e9) + 1 if wanted.until_s is not None else 2**63 - 1
     windows = [(max(begin, first), min(end, last)) for first, last in windows_ns(sight)]
     return [(first, last) for first, last in windows if first < last]
+
+
+# --- the folder ------------------------------------------------------------------------------------
+
+
+class _File(NamedTuple):
+    """A file of the folder."""
+
+    used_s: float  # the time of its last use
+    path: Path
+    bytes: int
+    promised: int  # bytes that will be written, too: it is a draft
+
+
+def _needed(contents: Contents, wanted: Wanted, windows: list[tuple[int, int]]) -> int:
+    """Return how large a file becomes at most, roughly. A bag is not compressed, and its messages are longer."""
+    chunks = [
+        chunk
+        for chunk in contents.summary.chunk_indexes
+        if any(chunk.message_start_time < last and chunk.message_end_time >= first for first, last in windows)
+    ]
+    if wanted.format == "mcap":
+        return sum(chunk.compressed_size for chunk in chunks) * 5 // 4
+    share = len(chunks) / max(len(contents.summary.chunk_indexes), 1)
+    return sum(chunk.uncompressed_size for chunk in chunks) + round(share * contents.messages_count * 64)
+
+
+def _make_room(folder: Path, needed: int) -> None:
+    """Make room for a file: those that were used longest ago go first. Raises `NotDone`."""
+    files = sorted(_files(folder))
+    promised = sum(one.promised for one in files)
+    least_free = settings.FLEET_RECORDINGS_FREE_BYTES + RESERVE
+    free = shutil.disk_usage(folder).free - least_free - promised
+    used = sum(one.bytes for one in files) + promised
+    missing = max(needed - free, used + needed - MOST_BYTES)
+    idle = [one for one in files if not one.promised and one.used_s < time.time() - IN_USE_S]
+    if missing > sum(one.bytes for one in idle):
+        raise NotDone(_FULL)
+    for one in idle:
+        if missing > 0:
+            one.path.unlink(missing_ok=True)
+            missing -= one.bytes
+
+
+def _files(folder: Path) -> list[_File]:
+    files = []
+    for path in folder.iterdir():
+        with suppress(FileNotFoundError):  # it was finished or removed meanwhile
+            about = path.stat()
+            promised = path.stem.rpartition(".")[2] if path.suffix == _DRAFT else ""
+            left = int(promised) - about.st_size if promised.isdecimal() else 0
+            files.append(_File(max(about.st_atime, about.st_mtime), path, about.st_size, max(left, 0)))
+    return files
 
 
 def _folder() -> Path:

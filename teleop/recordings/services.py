@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import TypedDict
 from uuid import UUID
 
@@ -11,6 +12,7 @@ from django.utils import timezone
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.audit.models import Record
 from fleet.audit.services import record
 from robots.access.models import Course
 from robots.recordings.models import Place, Recording
@@ -19,6 +21,7 @@ from robots.shared.wire import NotDone, Refusal
 from teleop.models import RecordingShare
 from teleop.recordings.selectors import sight_of
 
+CONTINUED = timedelta(hours=6)  # a download that is continued later is on record again
 MOST_SHARES = 50  # of one recording: its page lists them all
 
 
@@ -68,11 +71,17 @@ def recording_delete(*, recording: Recording, actor: User) -> None:
     record("recording.delete", **_of(recording, actor))
 
 
-def recording_downloaded(*, recording: Recording, wanted: Struct, actor: User) -> None:
-    """Record that a person downloads it, or a part. Raises `AuditUnavailable`: then nothing is sent."""
+def recording_downloaded(*, recording: Recording, wanted: Struct, actor: User, continues: bool) -> None:
+    """Record that a person downloads it, or a part. Raises `AuditUnavailable`: then nothing is sent.
+
+    What continues a download that is on record is not recorded again.
+    """
     facts = _of(recording, actor)
     facts["parameters"] |= {name: str(value) for name, value in msgspec.to_builtins(wanted).items() if value}
-    record("recording.download", **facts)
+    lately = timezone.now() - CONTINUED
+    known = Record.objects.filter(kind="recording.download", actor_id=str(actor.pk), at__gt=lately)
+    if not (continues and facts["parameters"] in known.values_list("parameters", flat=True)):
+        record("recording.download", **facts)
 
 
 def _for_change(recording: Recording, actor: User) -> Recording:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from http import HTTPStatus
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -323,7 +324,7 @@ class FileView(RecordingBase):
         refuses=(404, 503),
     )
     def get(self, recording_id: UUID, query: FileAsked) -> HttpResponseBase:
-        """Whole, cut in time, or chosen topics; as MCAP or as a bag. Answers `Range`. On record at its first byte."""
+        """Whole, cut in time, or chosen topics; as MCAP or as a bag. Answers `Range`. On record, once however often it is continued."""
         sight = self.sight(recording_id)
         topics = query.topics.split(",") if query.topics else None
         wanted = downloads.Wanted(query.format, query.from_, query.to, topics, query.pictures)
@@ -333,8 +334,11 @@ class FileView(RecordingBase):
             raise FileAway from error
         name = downloads.name_of(sight, wanted)
         answer = ranged_file(self.request, *found, name, "application/octet-stream")
-        if answer.headers.get("Content-Range", "bytes 0-").startswith("bytes 0-"):
-            services.recording_downloaded(recording=sight.recording, wanted=wanted, actor=self.person)
+        if answer.status_code != HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+            continues = not answer.headers.get("Content-Range", "bytes 0-").startswith("bytes 0-")
+            services.recording_downloaded(
+                recording=sight.recording, wanted=wanted, actor=self.person, continues=continues
+            )
         return answer
 
 

@@ -32,7 +32,7 @@ from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import moments, notifications
 from fleet.bookings.services import BookingRefused, remove_old_cancelled, restore_unbegun, store_no_shows
-from robots.recordings import retention as recordings
+from robots.recordings import retention as recording_retention
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -54,6 +54,7 @@ log = logging.getLogger(__name__)
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
 RIGHTS_S = 5 * 60.0  # between two searches for bookings of people without the right to book
+SWEPT_S = 60 * 60.0  # between two looks for old downloads
 NOTED_S = 20.0  # between two searches for unused bookings, and for offers that nobody answered
 CLOCK_S = 60.0  # a larger change of the clock's lead begins a new watch; small ones are its correction
 DAY_S = 24 * 60 * 60.0
@@ -84,6 +85,7 @@ class Command(BaseCommand):
             store_no_shows(timezone.now())
             _erase_all()
             hand_offers_lapse(timezone.now())
+            downloads.remove_old()
             for _ in daily_steps():
                 pass
             return
@@ -96,7 +98,7 @@ class Command(BaseCommand):
         posted: Future[int] | None = None
         looked_s, noted_s, clock = float("-inf"), float("-inf"), ClockWatch()
         erased: Future[None] | None = None
-        recorder, recorded = ThreadPoolExecutor(max_workers=1), BookingRecorder()
+        recorder, recordings = ThreadPoolExecutor(max_workers=1), RecordingWork()
         recording: Future[None] | None = None
         while not over.wait(EVERY_S):
             try:
@@ -121,7 +123,7 @@ class Command(BaseCommand):
                 if erased is None or erased.done():
                     erased = eraser.submit(_erase)
                 if recording is None or recording.done():
-                    recording = recorder.submit(_record_bookings, recorded)
+                    recording = recorder.submit(recordings.step)
                 webhooks.step()
                 pushes.step()
             except (DatabaseError, AuditUnavailable, BookingRefused) as error:
@@ -145,14 +147,24 @@ def _erase_all() -> None:
         log.error("People are not erased now: %s", error)
 
 
-def _record_bookings(recorder: BookingRecorder) -> None:
-    """Begin and end recordings of bookings in a separate thread: a bridge may not answer."""
-    try:
-        recorder.step(timezone.now())
-    except (DatabaseError, AuditUnavailable) as error:
-        log.error("Bookings are not recorded now: %s", error)
-    finally:
-        close_old_connections()
+class RecordingWork:
+    """Work on recordings in a separate thread: a bridge may not answer, and a large file takes time to remove."""
+
+    def __init__(self) -> None:
+        self._bookings = BookingRecorder()
+        self._swept_s = float("-inf")
+
+    def step(self) -> None:
+        """Begin and end recordings of bookings; each hour remove old downloads."""
+        try:
+            self._bookings.step(timezone.now())
+            if time.monotonic() - self._swept_s > SWEPT_S:
+                self._swept_s = time.monotonic()
+                downloads.remove_old()
+        except (DatabaseError, AuditUnavailable, OSError) as error:
+            log.error("Bookings are not recorded now, or old downloads stay: %s", error)
+        finally:
+            close_old_connections()
 
 
 def _send_notifications() -> int:
@@ -223,13 +235,12 @@ def daily_steps() -> Iterator[None]:
     remove_old_cancelled(now)
     remove_old_changes(now)
     remove_old_offers(now)
-    yield from downloads.remove_old()
     yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)
         remove_expired_tokens(now)
         yield from session_maps.remove_unneeded(now)
-        yield from recordings.remove_expired(now)
+        yield from recording_retention.remove_expired(now)
 
 
 def end_lapsed(database: DatabaseWatch) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from uuid import uuid4
 
@@ -19,6 +21,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.recordings.models import Recording
 from robots.registry.models import Robot
+from teleop.recordings import downloads
 from tests.robots.recordings.samples import sample
 from tests.teleop.recordings.test_sight import BEGAN, session
 
@@ -148,6 +151,53 @@ def test_a_download_is_continued_and_on_record_once(
     assert get(operator, recording, "/file", Range=f"bytes={len(whole)}-").status_code == 416
     assert content(get(operator, recording, "/file", **{"If-Range": '"old"', "Range": "bytes=5-"})) == whole
     assert Record.objects.filter(kind="recording.download").count() == 2
+
+
+def test_a_download_without_its_first_byte_is_on_record(recording: Recording, operator: User) -> None:
+    for beginning in ("1", "100", "200"):
+        assert get(operator, recording, "/file", Range=f"bytes={beginning}-").status_code == 206
+    get(operator, recording, "/file?topics=/odom", Range="bytes=1-")
+    get(operator, recording, "/file", Range="bytes=999999-")  # nothing is sent
+    assert Record.objects.filter(kind="recording.download").count() == 2
+
+
+def test_a_browser_continues_a_part(recording: Recording, operator: User) -> None:
+    first = get(operator, recording, "/file?topics=/odom", Range="bytes=0-99")
+    whole = content(get(operator, recording, "/file?topics=/odom"))
+    rest = get(
+        operator, recording, "/file?topics=/odom", **{"If-Range": first["ETag"], "Range": "bytes=100-"}
+    )
+    assert rest.status_code == 206 and content(first) + content(rest) == whole
+
+
+def test_downloads_leave_room_for_recordings(
+    recording: Recording, operator: User, tmp_path: Path, settings: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = [10**12]
+    monkeypatch.setattr(downloads.shutil, "disk_usage", lambda _folder: SimpleNamespace(free=free[0]))
+    whole = (tmp_path / "one.mcap").stat().st_size  # its messages are mostly zeros: as a bag they take twice as much
+    bag = len(content(get(operator, recording, "/file?format=bag")))
+    (tmp_path / "downloads").joinpath(*os.listdir(tmp_path / "downloads")).unlink()
+    settings.FLEET_RECORDINGS_FREE_BYTES = 5 * 10**9
+    least = settings.FLEET_RECORDINGS_FREE_BYTES + downloads.RESERVE
+    assert bag > 2 * whole
+    free[0] = least + 3 * bag // 4
+    assert get(operator, recording, "/file?format=bag").json()["code"] == "disk_full"
+    assert get(operator, recording, "/file?topics=/odom").status_code == 200
+    free[0] = least + 2 * bag
+    assert get(operator, recording, "/file?format=bag").status_code == 200
+
+
+def test_downloads_that_nobody_uses_give_way_to_new_ones(
+    recording: Recording, operator: User, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    get(operator, recording, "/file?format=bag")
+    [first] = (tmp_path / "downloads").iterdir()
+    monkeypatch.setattr(downloads, "MOST_BYTES", 2 * first.stat().st_size)
+    assert get(operator, recording, "/file?format=bag&from=0&to=9.99").json()["code"] == "disk_full"  # in use
+    os.utime(first, (0, 0))
+    assert get(operator, recording, "/file?format=bag&from=0&to=9.99").status_code == 200
+    assert not first.exists()
 
 
 def test_a_bag_of_chosen_topics(recording: Recording, operator: User, tmp_path: Path) -> None:
