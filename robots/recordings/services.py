@@ -15,7 +15,18 @@ from robots.shared.records.record_sink import FileChange, TakenRecording
 
 # Fields that row and report have alike
 _SAME = (
-    *("kind", "bytes", "directory", "topics", "events", "course", "reason", "version", "dropped", "continues"),
+    *(
+        "kind",
+        "bytes",
+        "directory",
+        "topics",
+        "events",
+        "course",
+        "reason",
+        "version",
+        "dropped",
+        "continues",
+    ),
     *("cut", "ended_by", "thumbnail"),
 )
 MOST_CHANGES = 200  # at a time: the bridge asks again

@@ -28,7 +28,7 @@ from robots.recordings.files.cutting import cut, topics_without_pictures
 from robots.recordings.services import taken_of
 from robots.shared.records.record_sink import KeptEvent, TakenRecording
 from robots.shared.wire import NotDone, Refusal
-from teleop.recordings.replay import windows_ns
+from teleop.recordings import times
 from teleop.recordings.selectors import Sight
 
 KEPT_S = 6 * 3600.0  # after its last use
@@ -79,7 +79,7 @@ def download(sight: Sight, wanted: Wanted) -> Download:
 def _made(sight: Sight, wanted: Wanted) -> Path:
     """Return the path of a part, made now if needed. Raises `NotDone` or `FileAway`."""
     recording = sight.recording
-    parts = sorted(windows_ns(sight))
+    parts = sorted(times.windows_ns(recording, sight.parts))
     asked = hashlib.sha256(msgspec.json.encode([wanted, parts, _about(sight)])).hexdigest()[:20]
     folder = _folder()
     path = folder / f"{recording.pk}-{asked}.{wanted.format}"
@@ -120,7 +120,8 @@ def remove_old() -> None:
 
 def _make(sight: Sight, wanted: Wanted, path: Path) -> None:
     with stores.open_file(sight.recording) as stream:
-        contents, windows = Contents(stream, sight.recording.pk), _windows(sight, wanted)
+        contents = Contents(stream, sight.recording.pk)
+        windows = times.windows_ns(sight.recording, sight.parts, wanted.from_s, wanted.until_s)
         topics = wanted.topics
         if not wanted.pictures:
             others = topics_without_pictures(contents)
@@ -147,15 +148,6 @@ def _about(sight: Sight) -> TakenRecording:
         taken_of(sight.recording), directory="", events=msgspec.convert(sight.events, list[KeptEvent])
     )
     return told if sight.tells_owner else structs.replace(told, person="", session="", reason="")
-
-
-def _windows(sight: Sight, wanted: Wanted) -> list[tuple[int, int]]:
-    """Return what the person sees of the time that is wanted, in ns."""
-    began_ns = round(sight.recording.begins_at.timestamp() * 1e6) * 1000
-    begin = began_ns + round(wanted.from_s * 1e9) if wanted.from_s is not None else 0
-    end = began_ns + round(wanted.until_s * 1e9) + 1 if wanted.until_s is not None else 2**63 - 1
-    windows = [(max(begin, first), min(end, last)) for first, last in windows_ns(sight)]
-    return [(first, last) for first, last in windows if first < last]
 
 
 # --- the folder ------------------------------------------------------------------------------------

@@ -5,16 +5,16 @@ Times are seconds since the recording began. Nothing outside the parts that a pe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from itertools import islice
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from robots.recordings.files.contents import PICTURES, Contents
+from robots.recordings.files.contents import PICTURES, Contents, Recorded
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
 from robots.shared.wire import NotDone, Refusal
+from teleop.recordings import times
 from teleop.recordings.selectors import Part, Sight
 
 VIEW, COMMAND = "/fleet/view", "/fleet/command"
@@ -44,7 +44,7 @@ MOST_READ = 400_000  # messages that are counted for a series
 _NOT_YOURS = Refusal(
     "not_your_part", "This moment of the recording shows somebody else’s session.", "account"
 )
-_NO_TOPIC = Refusal("no_topic", "The recording has no such topic.", "wire")
+_NO_PICTURE = Refusal("no_picture", "The recording has no picture of this topic at this moment.", "wire")
 _UNKNOWN = Refusal("type_unknown", "The messages of this topic cannot be read.", "robot")
 
 
@@ -76,23 +76,25 @@ class RecordedSeries(Struct, frozen=True):
 
 def contents_of(sight: Sight, contents: Contents) -> RecordedContents:
     """Return what is in the recording."""
-    channels = []
+    channels: dict[tuple[str, str], RecordedChannel] = {}
     for channel in contents.channels:
         schema = contents.schema_of(channel)
+        key = channel.topic, schema.name if schema else ""
+        count = contents.count(channel)
+        if (same := channels.get(key)) is not None:  # of another publisher
+            channels[key] = structs.replace(same, messages=same.messages + count)
+            continue
         try:
             fields = OWN_FIELDS.get(channel.topic) or Decoder(channel, schema).number_fields()
         except UnknownType:
             fields = []
-        kind = schema.name if schema else ""
-        channels.append(
-            RecordedChannel(channel.topic, kind, contents.count(channel), kind in PICTURES, fields)
-        )
+        channels[key] = RecordedChannel(*key, count, key[1] in PICTURES, fields)
     recording = sight.recording
     return RecordedContents(
-        (recording.ends_at - recording.begins_at).total_seconds(),
-        [(_since(sight, part.begins_at), _since(sight, part.ends_at)) for part in sight.parts],
-        channels,
-        any(channel.topic == VIEW for channel in channels),
+        times.since(recording, recording.ends_at),
+        [(times.since(recording, begin), times.since(recording, end)) for begin, end in sight.parts],
+        list(channels.values()),
+        any(topic == VIEW for topic, _ in channels),
     )
 
 
@@ -102,12 +104,12 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
     It ends earlier than asked after `LONGEST_S` or `MOST_BYTES`, and with the part. Raises `NotDone`.
     """
     part = _part(sight, from_s)
-    until_s = min(until_s, from_s + LONGEST_S, _since(sight, part.ends_at))
+    until_s = min(until_s, from_s + LONGEST_S, times.since(sight.recording, part.ends_at))
     pieces: list[bytes] = []
     size = 0
     begin_ns, end_ns = _window(sight, part, from_s, until_s)
     command, commanded_ns = b"null", 0
-    before_ns = max(begin_ns - COMMAND_LASTS_NS, _ns_of(part.begins_at))
+    before_ns = max(begin_ns - COMMAND_LASTS_NS, times.ns_of(part.begins_at))
     for recorded in contents.messages([VIEW, COMMAND], before_ns, end_ns):
         if recorded.channel.topic == COMMAND:
             command, commanded_ns = recorded.message.data, recorded.message.log_time
@@ -116,7 +118,7 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
             continue
         if recorded.message.log_time > commanded_ns + COMMAND_LASTS_NS:
             command = b"null"
-        at_s = round(_at_s(sight, recorded.message.log_time), 3)
+        at_s = round(times.at_s(sight.recording, recorded.message.log_time), 3)
         size += len(recorded.message.data)
         if size > MOST_BYTES and pieces:
             until_s = at_s
@@ -128,13 +130,14 @@ def views(sight: Sight, contents: Contents, from_s: float, until_s: float) -> by
 def picture(sight: Sight, contents: Contents, topic: str, at_s: float) -> tuple[float, Any]:
     """Return time and message of the last picture until a moment, as the robot sent it. Raises `NotDone`."""
     part = _part(sight, at_s)
-    found = contents.newest(topic, min(_ns(sight, at_s), _ns_of(part.ends_at)))
-    if found is None or found.message.log_time < _ns_of(part.begins_at):
-        raise NotDone(_NO_TOPIC)
+    until_ns = min(times.ns_at(sight.recording, at_s), times.ns_of(part.ends_at))
+    found = contents.newest(topic, until_ns)
+    kind = found.schema.name if found is not None and found.schema is not None else ""
+    if found is None or kind not in PICTURES or found.message.log_time < times.ns_of(part.begins_at):
+        raise NotDone(_NO_PICTURE)
+    at = times.at_s(sight.recording, found.message.log_time)
     try:
-        return _at_s(sight, found.message.log_time), Decoder(found.channel, found.schema).read(
-            found.message.data
-        )
+        return at, Decoder(found.channel, found.schema).read(found.message.data)
     except UnknownType as error:
         raise NotDone(_UNKNOWN) from error
 
@@ -144,27 +147,40 @@ def series(
 ) -> RecordedSeries:
     """Return at most `MOST_POINTS` numbers of a field, evenly chosen. Raises `NotDone`."""
     part = _part(sight, from_s)
-    until_s = min(until_s, _since(sight, part.ends_at))
     window = _window(sight, part, from_s, until_s)
     count = sum(1 for _ in islice(contents.messages([topic], *window), MOST_READ))
     step = max(1, -(-count // MOST_POINTS))
     points = RecordedSeries([], [])
-    decoder: Decoder | None = None
+    numbers = _Numbers(field)
     for recorded in islice(contents.messages([topic], *window), 0, MOST_READ, step):
-        try:
-            decoder = decoder or Decoder(recorded.channel, recorded.schema)
-            message = decoder.read(recorded.message.data)
-        except UnknownType as error:
-            raise NotDone(_UNKNOWN) from error
-        points.at_s.append(round(_at_s(sight, recorded.message.log_time), 4))
-        points.values.append(number_at(message, field))
+        points.at_s.append(round(times.at_s(sight.recording, recorded.message.log_time), 4))
+        points.values.append(numbers.of(recorded))
+    if points.at_s and not numbers.readable:
+        raise NotDone(_UNKNOWN)
     return points
 
 
-def windows_ns(sight: Sight) -> Iterator[tuple[int, int]]:
-    """Yield the parts that a person sees, in ns; the end is exclusive."""
-    for part in sight.parts:
-        yield _ns_of(part.begins_at), _ns_of(part.ends_at) + 1
+class _Numbers:
+    """Reads a field of a topic. Each publisher, and each type that the topic had, has a channel with its decoder."""
+
+    def __init__(self, field: str) -> None:
+        self._field = field
+        self._decoders: dict[int, Decoder | None] = {}  # by channel; None: its messages cannot be read
+        self.readable = False  # one of them at least
+
+    def of(self, recorded: Recorded) -> float | None:
+        """Return the number in a message; None: there is none, or it cannot be read."""
+        channel = recorded.channel
+        try:
+            if channel.id not in self._decoders:
+                self._decoders[channel.id] = None
+                self._decoders[channel.id] = Decoder(channel, recorded.schema)
+            decoder = self._decoders[channel.id]
+            message = decoder.read(recorded.message.data) if decoder is not None else None
+        except UnknownType:
+            return None
+        self.readable = self.readable or message is not None
+        return number_at(message, self._field)
 
 
 def _part(sight: Sight, at_s: float) -> Part:
@@ -178,22 +194,5 @@ def _part(sight: Sight, at_s: float) -> Part:
 
 def _window(sight: Sight, part: Part, from_s: float, until_s: float) -> tuple[int, int]:
     """Return a time within a part in ns; the end is exclusive."""
-    begin_ns = max(_ns(sight, from_s), _ns_of(part.begins_at))
-    return begin_ns, min(_ns(sight, until_s), _ns_of(part.ends_at)) + 1
-
-
-def _since(sight: Sight, moment: datetime) -> float:
-    return round((moment - sight.recording.begins_at).total_seconds(), 3)
-
-
-def _ns(sight: Sight, at_s: float) -> int:
-    return _ns_of(sight.recording.begins_at) + round(at_s * 1e9)
-
-
-def _ns_of(moment: datetime) -> int:
-    whole = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (whole.days * 86_400 + whole.seconds) * 1_000_000_000 + whole.microseconds * 1000
-
-
-def _at_s(sight: Sight, log_ns: int) -> float:
-    return (log_ns - _ns_of(sight.recording.begins_at)) / 1e9
+    [window] = times.windows_ns(sight.recording, [part], from_s, until_s) or [(0, 0)]
+    return window

@@ -116,9 +116,10 @@ class Contents:
         """Yield messages in the order of their time. `until_ns` is exclusive. Raises `Unreadable`."""
         return self._messages(topics, from_ns, until_ns, reverse=False)
 
-    def newest(self, topic: str, at_ns: int) -> Recorded | None:
-        """Return the last message of a topic until this time; None: there was none yet."""
-        return next(self._messages([topic], None, at_ns + 1, reverse=True), None)
+    def newest(self, topic: str, at_ns: int, channel: int | None = None) -> Recorded | None:
+        """Return the last message of a topic, or of one of its channels, until this time; None: there was none yet."""
+        found = self._messages([topic], None, at_ns + 1, reverse=True)
+        return next((one for one in found if channel in (None, one.channel.id)), None)
 
     def _messages(
         self, topics: Collection[str] | None, from_ns: int | None, until_ns: int | None, reverse: bool

@@ -70,7 +70,9 @@ def parts(
         if begin_ns > contents.begins_ns:
             for channel in contents.channels:
                 if channel.metadata.get("latching") == "1" and (topics is None or channel.topic in topics):
-                    before = contents.newest(channel.topic, begin_ns - 1)
+                    before = contents.newest(
+                        channel.topic, begin_ns - 1, channel.id
+                    )  # each publisher has one
                     if before is not None:
                         yield begin_ns, before
         for recorded in contents.messages(topics, begin_ns, end_ns):

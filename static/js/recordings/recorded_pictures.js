@@ -1,6 +1,7 @@
 /** The camera of a replay: one picture is read at a time, then the one of the moment by then. */
 
 import { make, show } from "../lib/dom.js";
+import { topics } from "./channels.js";
 
 const STEP_S = 0.25; // two moments this close show the same picture
 
@@ -11,6 +12,11 @@ export function firstPicture(channels) {
     (/depth/i.test(topic) ? -4 : 0) +
     (/rgb|color/i.test(topic) ? 1 : 0);
   return channels.toSorted((one, other) => rank(other) - rank(one))[0]?.topic ?? "";
+}
+
+/** Return a moment with milliseconds, not later than it is: the server shows nothing after a part. Pure. */
+export function milliseconds(atS) {
+  return (Math.floor(atS * 1000) / 1000).toFixed(3);
 }
 
 export class RecordedPictures {
@@ -34,7 +40,7 @@ export class RecordedPictures {
   set channels(channels) {
     const pictures = channels.filter(({ picture, messages }) => picture && messages);
     const choice = this.#parts["camera-topic"];
-    choice.replaceChildren(...pictures.map(({ topic }) => make("option", { text: topic })));
+    choice.replaceChildren(...topics(pictures).map((topic) => make("option", { text: topic })));
     show(choice, pictures.length > 0);
     choice.value = firstPicture(pictures);
     this.#want();
@@ -49,7 +55,7 @@ export class RecordedPictures {
   #want() {
     const topic = this.#parts["camera-topic"].value;
     if (!topic) return;
-    const asked = new URLSearchParams({ topic, at: this.#atS.toFixed(2) });
+    const asked = new URLSearchParams({ topic, at: milliseconds(this.#atS) });
     this.#wanted = `${this.#address}/picture?${asked}`;
     this.#read();
   }

@@ -3,6 +3,7 @@
 import { readJson } from "../connection/read.js";
 import { make, makeButton, setTextOrHide } from "../lib/dom.js";
 import { Plot } from "../plots/uplot.js";
+import { topics } from "./channels.js";
 
 const WHOLE_S = 180; // a recording that lasts no longer is read as a whole
 const BLOCK_S = 120; // else so much of it around the moment
@@ -110,11 +111,7 @@ export class RecordedPlots {
   /** @param {object[]} channels of the recording */
   set channels(channels) {
     this.#channels = channels.filter(({ fields, messages }) => fields.length && messages);
-    offer(
-      this.#parts["plot-topic"],
-      gettext("Topic"),
-      this.#channels.map(({ topic }) => topic),
-    );
+    offer(this.#parts["plot-topic"], gettext("Topic"), topics(this.#channels));
     this.#offerFields();
   }
 
@@ -125,8 +122,8 @@ export class RecordedPlots {
 
   #offerFields() {
     const topic = this.#parts["plot-topic"].value;
-    const channel = this.#channels.find((one) => one.topic === topic);
-    offer(this.#parts["plot-field"], gettext("Field"), channel?.fields ?? []);
+    const fields = this.#channels.filter((one) => one.topic === topic).flatMap((one) => one.fields);
+    offer(this.#parts["plot-field"], gettext("Field"), [...new Set(fields)]);
   }
 
   #add(field) {

@@ -324,7 +324,10 @@ class FileView(RecordingBase):
         refuses=(404, 503),
     )
     def get(self, recording_id: UUID, query: FileAsked) -> HttpResponseBase:
-        """Whole, cut in time, or chosen topics; as MCAP or as a bag. Answers `Range`. On record, once however often it is continued."""
+        """Whole, cut in time, or chosen topics; as MCAP or as a bag. Answers `Range`.
+
+        On record, once however often it is continued.
+        """
         sight = self.sight(recording_id)
         topics = query.topics.split(",") if query.topics else None
         wanted = downloads.Wanted(query.format, query.from_, query.to, topics, query.pictures)

@@ -2,7 +2,7 @@ import { describe, expect, it, vi } from "vitest";
 import { spanText } from "../../../static/js/formats/spans.js";
 import { addressOf } from "../../../static/js/recordings/downloads.js";
 import { nearest, Player } from "../../../static/js/recordings/player.js";
-import { firstPicture } from "../../../static/js/recordings/recorded_pictures.js";
+import { firstPicture, milliseconds } from "../../../static/js/recordings/recorded_pictures.js";
 import { plotted } from "../../../static/js/recordings/recorded_plots.js";
 import { RecordedViews } from "../../../static/js/recordings/recorded_views.js";
 import { goesOn, sizeText } from "../../../static/js/recordings/recording_words.js";
@@ -54,14 +54,42 @@ describe("recorded views", () => {
     expect(views.at(3, [0, 5])[0]).toBe(2);
   });
 
-  it("say why they cannot be read", async () => {
-    const views = new RecordedViews(() => Promise.reject(new Error("away")));
-    const told = new Promise((done) =>
-      views.addEventListener("problem", ({ detail }) => done(detail)),
-    );
-    views.at(1, [0, 5]);
-    expect(await told).toBe("away");
+  it("say why they cannot be read, and are asked again after a while, not with each moment", async () => {
+    vi.useFakeTimers();
+    const read = vi.fn(async (from, to) => ({ views: [[from, {}, null]], until_s: to }));
+    read.mockRejectedValueOnce(new Error("away"));
+    const views = new RecordedViews(read);
+    const told = [];
+    views.addEventListener("problem", ({ detail }) => told.push(detail));
+    views.addEventListener("read", () => views.at(1, [0, 5])); // as the page does
+    for (let moment = 0; moment < 60; moment += 1) {
+      views.at(1 + moment / 60, [0, 5]);
+      await vi.advanceTimersByTimeAsync(16);
+    }
+    expect([read.mock.calls.length, told, views.has(1, [0, 5])]).toEqual([1, ["away"], false]);
+    await vi.advanceTimersByTimeAsync(2000);
+    expect([read.mock.calls.length, told, views.has(1, [0, 5])]).toEqual([2, ["away", ""], true]);
+    vi.useRealTimers();
   });
+
+  it("are read for each part, also where two parts share a piece", async () => {
+    const read = vi.fn(async (from, to) => ({ views: [[from, { from }, null]], until_s: to }));
+    const views = new RecordedViews(read);
+    views.at(11, [0, 12]);
+    await until(views);
+    views.at(13.5, [13, 20]);
+    expect(views.has(13.5, [13, 20])).toBe(false);
+    await until(views);
+    expect(views.at(13.5, [13, 20])[1]).toEqual({ from: 13 });
+  });
+});
+
+it("asks for the picture of the last moment, and for none after it", () => {
+  expect([milliseconds(12.345), milliseconds(12.3456), milliseconds(12)]).toEqual([
+    "12.345",
+    "12.345",
+    "12.000",
+  ]);
 });
 
 it("shows a compressed colour picture first", () => {

@@ -11,6 +11,7 @@ from uuid import uuid4
 import msgspec
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.rosbag1 import Reader
 
 from robots.recordings.files.bag import NoBag, write_bag
@@ -58,6 +59,26 @@ def test_a_cut_begins_with_what_is_latched() -> None:
     assert part.begins_ns == 2 * SECOND
     [told] = [one.metadata["taken"] for one in part.metadata() if one.name == "fleet"]
     assert msgspec.json.decode(told, type=TakenRecording) == about
+
+
+def test_a_cut_has_what_each_publisher_latched() -> None:
+    stream, target = io.BytesIO(), io.BytesIO()
+    writer = Writer(stream)
+    writer.start(profile="ros1", library="test")
+    kind = writer.register_schema("std_msgs/String", "ros1msg", b"string data")
+    for second, node in enumerate(("/base", "/camera", "/other")):
+        latched = {"latching": "1", "callerid": node}
+        channel = writer.register_channel("/tf_static", "ros1", kind, latched)
+        text = node.encode()
+        data = struct.pack("<I", len(text)) + text
+        writer.add_message(channel, second * SECOND, data, second * SECOND, second)
+    writer.finish()  # type: ignore[no-untyped-call]
+    stream.seek(0)
+    about = TakenRecording(uuid4(), "", "by_hand", 1.0, 3.0, 0, "", "", [])
+    cut(Contents(stream), target, windows=[(3 * SECOND // 2, 3 * SECOND)], about=about)
+    target.seek(0)
+    found = [message.data[4:].decode() for _, _, message in make_reader(target).iter_messages()]
+    assert sorted(found) == ["/base", "/camera", "/other"]
 
 
 def test_values_of_ros_and_of_the_chain() -> None:
