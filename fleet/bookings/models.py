@@ -91,7 +91,7 @@ class Booking(models.Model):
     # The tasks that it leaves to its members (`robots.shared.wire.LessonTasks`); None: everything
     tasks = models.JSONField(null=True, blank=True)
     record = models.BooleanField(_("record it"), null=True)  # wish: what the robot senses in it is recorded
-    # Housekeeping has begun its recording, which ends then (`teleop.recordings.of_bookings`)
+    # Housekeeping has begun its recording, which ends then (`teleop.recordings.orders.of_bookings`)
     recorded_until = models.DateTimeField(null=True, blank=True, editable=False)
     line_held = models.BooleanField(null=True)  # the teacher holds the line: nobody is called
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series

@@ -139,7 +139,12 @@ def held_slot(booking: Times, grace: timedelta, now: datetime) -> Slot:
 
 def is_recorded(booking: Booking) -> bool:
     """Return whether the robot's topics are recorded in it: a rule of the lab, its person's wish, or its course's."""
-    if settings.FLEET_RECORD_EVERY_BOOKING or booking.record:
+    return bool(booking.record) or is_recorded_by_rule(booking)
+
+
+def is_recorded_by_rule(booking: Booking) -> bool:
+    """Return whether the robot's topics are recorded in it whatever its person wishes."""
+    if settings.FLEET_RECORD_EVERY_BOOKING:
         return True
     return booking.shared == Shared.COURSE and booking.course is not None and booking.course.record_lessons
 

@@ -19,7 +19,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.status import Rights
 from teleop.live.consumers.message_socket import BUSY
 from teleop.live.robot_hub import RobotHub
-from teleop.recordings.requests import NamedRobot, ask_on_record, record_outcome
+from teleop.recordings.orders.requests import NamedRobot, ask_on_record, record_outcome
 
 MOST_PENDING = 2  # requests per connection
 

@@ -77,6 +77,11 @@ export class RecordingPanel {
     return this.#mayAct || MAY_WITHOUT_CONTROL.has(this.#role);
   }
 
+  /** Whether this person began it: the server knows; this only offers the button. */
+  get #isMine() {
+    return this.#recording.by === this.#parts["record-dialog"].dataset.name;
+  }
+
   /** Say once who records: everybody whom the robot sees is told. */
   #tell() {
     const now = goesOn(this.#recording) ? this.#recording.recording : null;
@@ -107,14 +112,16 @@ export class RecordingPanel {
     setText(state, recordingLines(this.#recording).join(" "));
     setTextOrHide(problem, this.#recording?.refusal?.text ?? "");
     show(this.#parts["record-form"], this.#may && !on);
-    show(this.#parts["record-end"], this.#may && on);
+    show(this.#parts["record-end"], on && (this.#may || this.#isMine));
     show(this.#parts["record-keep"], this.#may && Boolean(this.#box));
     setTextOrHide(this.#parts["black-box-words"], blackBoxText(this.#box));
   }
 
   #showChoice() {
-    const { what } = this.#parts["record-form"].elements;
-    show(this.#parts["record-topics"], what.value === "chosen");
+    const { what, topics } = this.#parts["record-form"].elements;
+    const isChosen = what.value === "chosen";
+    show(this.#parts["record-topics"], isChosen);
+    topics.required = isChosen;
   }
 
   #open() {
@@ -127,16 +134,12 @@ export class RecordingPanel {
     event.preventDefault();
     const { what, topics, reason } = this.#parts["record-form"].elements;
     const chosen = topics.value.split(/[\s,]+/).filter(Boolean);
-    this.#request({
-      t: "record",
-      topics:
-        what.value === "chosen" && chosen.length
-          ? chosen
-          : what.value === "all"
-            ? "all"
-            : "pictures_not",
-      reason: reason.value.trim(),
-    });
+    if (what.value === "chosen" && !chosen.length) {
+      topics.focus();
+      return;
+    }
+    const asked = what.value === "chosen" ? chosen : what.value;
+    this.#request({ t: "record", topics: asked, reason: reason.value.trim() });
   }
 
   #end() {

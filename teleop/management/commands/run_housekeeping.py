@@ -43,7 +43,8 @@ from teleop.control.selectors import held_leases
 from teleop.control.turns import turns_settle_all
 from teleop.push.worker import PushWorker
 from teleop.recordings import downloads
-from teleop.recordings.of_bookings import BookingRecorder
+from teleop.recordings.orders.by_hand import HandRecordings
+from teleop.recordings.orders.of_bookings import BookingRecorder
 from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
@@ -151,18 +152,19 @@ class RecordingWork:
     """Work on recordings in a separate thread: a bridge may not answer, and a large file takes time to remove."""
 
     def __init__(self) -> None:
-        self._bookings = BookingRecorder()
+        self._bookings, self._by_hand = BookingRecorder(), HandRecordings()
         self._swept_s = float("-inf")
 
     def step(self) -> None:
-        """Begin and end recordings of bookings; each hour remove old downloads."""
+        """Begin and end recordings of bookings, end others; each hour remove old downloads."""
         try:
+            self._by_hand.step(timezone.now())
             self._bookings.step(timezone.now())
             if time.monotonic() - self._swept_s > SWEPT_S:
                 self._swept_s = time.monotonic()
                 downloads.remove_old()
         except (DatabaseError, AuditUnavailable, OSError) as error:
-            log.error("Bookings are not recorded now, or old downloads stay: %s", error)
+            log.error("Recordings are not begun or ended now, or old downloads stay: %s", error)
         finally:
             close_old_connections()
 

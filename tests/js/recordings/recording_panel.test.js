@@ -54,6 +54,13 @@ describe("everybody on the page", () => {
   });
 });
 
+it("is ended by who began it, also without control", () => {
+  parts["record-dialog"].dataset.name = "Olga";
+  panel.recording = GOING;
+  parts["record-open"].click();
+  expect([parts["record-form"].hidden, parts["record-end"].hidden]).toEqual([true, false]);
+});
+
 describe("who has control", () => {
   beforeEach(() => {
     panel.mayAct = true;
@@ -71,6 +78,14 @@ describe("who has control", () => {
       topics: ["/scan", "/tf"],
       reason: "report",
     });
+  });
+
+  it("records nothing if no topic is chosen", () => {
+    const { what, topics } = parts["record-form"].elements;
+    what.value = "chosen";
+    topics.value = " , ";
+    submit();
+    expect(request).not.toHaveBeenCalled();
   });
 
   it("records all but pictures at first", () => {

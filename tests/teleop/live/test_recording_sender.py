@@ -7,11 +7,12 @@ import pytest
 from django.utils import timezone
 
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from fleet.bookings.models import Booking
 from fleet.bookings.schedule import Schedule
 from robots.shared.wire import LinkKeep, LinkRecord, LinkRecordEnd, Refusal
 from teleop.background.database import in_database
-from teleop.recordings.requests import seconds_left
+from teleop.recordings.orders.requests import seconds_left
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -77,6 +78,42 @@ async def test_who_began_it_may_end_it_without_control(holder, bridge):
     await holder.hears("control", state="free")
     await holder.say("record_end", recording=str(bridge.all(LinkRecord)[0].recording), seq=2)
     await holder.hears("accepted", of="record_end", seq=2)
+
+
+async def test_who_began_it_may_end_it_although_its_recorder_broke(holder, bridge):
+    await holder.say("record", seq=1)
+    await holder.hears("accepted", of="record", seq=1)
+    await eventually(lambda: outcomes("recording.begin") == ["", "accepted"])
+    await holder.say("release")
+    await holder.hears("control", state="free")
+    await holder.say("record_end", recording=str(uuid4()), seq=2)  # it goes on with another number
+    await holder.hears("accepted", of="record_end", seq=2)
+
+
+@pytest.mark.parametrize("rule", [True, False])
+async def test_the_recording_of_a_booking_is_ended_by_whoever_asked_for_it(
+    rule, holder, bridge, robot, operator, settings
+):
+    settings.FLEET_RECORD_EVERY_BOOKING = rule
+    now = timezone.now()
+
+    def booked():
+        times = {
+            "starts_at": now - timedelta(minutes=5),
+            "ends_at": now + timedelta(minutes=9),
+            "made_at": now,
+        }
+        booking = Booking.objects.create(
+            robot=robot, person=operator, record=True, held_until=times["ends_at"], **times
+        )
+        facts = {"robot_id": robot.pk, "robot_name": robot.name}
+        begun = record("recording.begin", parameters={"booking": str(booking.pk)}, **facts)
+        record("recording.begin", of=begun, outcome="accepted", **facts)
+
+    await in_database(booked)
+    await holder.say("record_end", recording=str(uuid4()), seq=1)
+    heard = await holder.hears("refused" if rule else "accepted", of="record_end", seq=1)
+    assert not rule or heard["refusal"]["code"] == "recorded_by_rule"
 
 
 def test_in_free_time_it_lasts_two_hours_at_most():

@@ -16,7 +16,7 @@ from robots.recordings.retention import remove_expired
 from robots.registry.models import Robot
 from robots.shared.wire import NotDone
 from teleop.recordings import downloads
-from teleop.recordings.quota import check_quota
+from teleop.recordings.orders.quota import check_quota
 from tests.teleop.recordings.test_sight import BEGAN, recorded
 
 pytestmark = pytest.mark.django_db
@@ -56,7 +56,9 @@ def test_files_of_downloads_that_vanish_do_not_end_the_housekeeping(settings: An
     for path in old:
         path.touch()
         os.utime(path, (0, 0))
-    (tmp_path / "downloads" / "gone.bag").symlink_to("nothing")  # as if another process removed it after the look
+    (tmp_path / "downloads" / "gone.bag").symlink_to(
+        "nothing"
+    )  # as if another process removed it after the look
     downloads.remove_old()
     assert not any(path.exists() for path in old)
 

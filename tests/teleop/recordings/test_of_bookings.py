@@ -19,8 +19,10 @@ from robots.access.models import Course
 from robots.link.connections import LinkRefused
 from robots.registry.models import Robot
 from robots.shared.wire import LinkRecord, LinkRecordEnd, RecordingState, Refusal
-from teleop.recordings import of_bookings
-from teleop.recordings.of_bookings import AGAIN_S, BookingRecorder
+from teleop.api.v1.robot import recording as requests_of_programs
+from teleop.recordings.orders import by_hand, of_bookings
+from teleop.recordings.orders import housekeeping as housekeeping_orders
+from teleop.recordings.orders.of_bookings import AGAIN_S, LOOK_S, BookingRecorder
 from tests.teleop.recordings.test_sight import at
 
 pytestmark = pytest.mark.django_db
@@ -55,9 +57,19 @@ class _State(Struct):
 @pytest.fixture
 def recorder(monkeypatch: pytest.MonkeyPatch) -> FakeBridge:
     fake = FakeBridge()
-    monkeypatch.setattr(of_bookings, "state_once", fake.state_once)
-    monkeypatch.setattr(of_bookings, "order_once", fake.order_once)
+    monkeypatch.setattr(housekeeping_orders, "state_once", fake.state_once)
+    monkeypatch.setattr(housekeeping_orders, "order_once", fake.order_once)
+    monkeypatch.setattr(requests_of_programs, "order_once", fake.order_once)
     return fake
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The monotonic clock of housekeeping."""
+    clock = [1000.0]
+    for module in (of_bookings, by_hand):
+        monkeypatch.setattr(module.time, "monotonic", lambda: clock[0])
+    return clock
 
 
 @pytest.fixture
@@ -119,12 +131,10 @@ def test_lessons_of_a_course_and_the_rule_of_the_lab(
 
 
 def test_what_is_refused_is_on_record_and_tried_again(
-    booked: Any, recorder: FakeBridge, settings: Any, monkeypatch: pytest.MonkeyPatch
+    booked: Any, recorder: FakeBridge, settings: Any, clock: list[float]
 ) -> None:
-    clock = [0.0]
-    monkeypatch.setattr(of_bookings.time, "monotonic", lambda: clock[0])
     booked(record=True)
-    housekeeping, theirs = BookingRecorder(), RecordingState(uuid4(), "by_hand", "Ben", "all", 0.0, 60.0)
+    housekeeping, theirs = BookingRecorder(), RecordingState(uuid4(), "booking", "Ben", "all", 0.0, 60.0)
 
     def attempt(minute: float) -> int:
         clock[0] += AGAIN_S + 1
@@ -134,7 +144,7 @@ def test_what_is_refused_is_on_record_and_tried_again(
 
     recorder.recording = theirs
     assert attempt(1) == 0 and not Record.objects.filter(kind="recording.begin").exists()
-    recorder.recording = structs.replace(theirs, refusal=Refusal("disk_full", "Full.", "limits"))
+    recorder.recording = structs.replace(theirs, left_s=0.0, refusal=Refusal("disk_full", "Full.", "limits"))
     recorder.refusal = Refusal("disk_full", "Full.", "limits")
     assert attempt(2) == 0
     recorder.refusal, settings.FLEET_RECORDINGS_ROBOT_BYTES = None, 0
@@ -143,6 +153,46 @@ def test_what_is_refused_is_on_record_and_tried_again(
     assert attempt(4) == 1
     outcomes = Record.objects.filter(kind="recording.begin", of__isnull=False).order_by("pk")
     assert [one.outcome for one in outcomes] == ["disk_full", "robot_quota", "accepted"]
+
+
+def test_a_recording_that_broke_off_is_begun_again(
+    booked: Any, recorder: FakeBridge, clock: list[float], supervisor: User, signed_in: Any
+) -> None:
+    booked(record=True)
+    housekeeping = BookingRecorder()
+    housekeeping.step(at(1))
+    recorder.recording = None  # the bridge was started again
+    clock[0] += LOOK_S / 2
+    housekeeping.step(at(5))
+    assert len(recorder.orders) == 1
+    clock[0] += LOOK_S
+    housekeeping.step(at(5))
+    first, second = recorder.orders
+    assert isinstance(second, LinkRecord) and second.seconds == 55 * 60
+    assert second.recording != first.recording
+    assert recorder.recording is not None
+    recorder.recording = structs.replace(recorder.recording, recording=uuid4())  # its recorder was
+    clock[0] += LOOK_S
+    housekeeping.step(at(6))
+    ended = signed_in(supervisor).delete(f"/api/v1/robots/tiago-1/recordings/{second.recording}")
+    assert ended.status_code == 204
+    for _ in range(3):
+        clock[0] += LOOK_S
+        housekeeping.step(at(7))
+    assert recorder.orders[2:] == [LinkRecordEnd(second.recording)]
+
+
+def test_a_booking_that_is_to_be_recorded_replaces_a_recording_by_hand(
+    booked: Any, recorder: FakeBridge
+) -> None:
+    recorder.recording = RecordingState(uuid4(), "by_hand", "Ben", ["/foo"], 0.0, 60.0)
+    theirs = recorder.recording.recording
+    booked(record=True)
+    BookingRecorder().step(at(1))
+    end, begin = recorder.orders
+    assert end == LinkRecordEnd(theirs) and isinstance(begin, LinkRecord) and begin.topics == "all"
+    ended = Record.objects.get(kind="recording.end", of=None)
+    assert ended.parameters["because"] == "booking"
 
 
 def test_an_answer_that_was_lost_is_found_again(booked: Any, recorder: FakeBridge) -> None:

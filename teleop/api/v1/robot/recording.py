@@ -18,7 +18,7 @@ from robots.shared.wire import KeepThis, LinkRecord, Record, RecordEnd, Recordin
 from robots.shared.wire.recordings import RecordedTopics
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.setup.base import SetupView
-from teleop.recordings.requests import Asked, NamedRobot, ask_on_record, record_outcome
+from teleop.recordings.orders.requests import Asked, NamedRobot, ask_on_record, record_outcome
 
 ANSWER_S = 12.0  # a recorder takes seconds to start
 records = partial(operation, scope=Scope.TOPICS, refuses=(403, 404, 409, 503))

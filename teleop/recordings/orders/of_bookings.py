@@ -1,7 +1,8 @@
 """Recordings of bookings: each begins when somebody takes control in a slot that is to be recorded, and ends with it.
 
 Housekeeping calls this every few seconds, so that a recording begins whatever page or program took control. The bridge
-ends it by its own clock. A slot that became shorter ends it earlier; one that became longer gets another recording.
+ends it by its own clock. A slot that became shorter ends it earlier; one that became longer gets another recording, and
+so does one whose recording broke off.
 """
 
 from __future__ import annotations
@@ -15,19 +16,17 @@ from uuid import UUID, uuid5
 from django.conf import settings
 from django.db.models import F, Q, QuerySet
 
-from fleet.audit.services import record
 from fleet.bookings.models import Booking, Shared
 from fleet.bookings.models import State as Stored
-from robots.link.state_reader import order_once, state_once
-from robots.registry.selectors import link_address
-from robots.shared.wire import LinkRecord, LinkRecordEnd, NotDone, RecordingState, Refusal
+from robots.shared.wire import LinkRecord, LinkRecordEnd, NotDone, Refusal
 from robots.shared.wire.recordings import LONGEST_RECORDING_S
-from teleop.recordings.quota import check_quota
+from teleop.recordings.orders.housekeeping import carry_out, going_on, last_accepted
+from teleop.recordings.orders.quota import check_quota
 
 log = logging.getLogger(__name__)
 
-ANSWER_S = 10.0  # a recorder takes seconds to start
 AGAIN_S = 120.0  # pause after a bridge was away or refused
+LOOK_S = 60.0  # between two looks whether a recording still goes on
 LEAST = timedelta(seconds=5)  # a rest of a slot that is not worth a file
 
 _GOES_ON = Refusal("recording_goes_on", "Somebody else records this robot already.", "robot")
@@ -38,12 +37,18 @@ class BookingRecorder:
 
     def __init__(self) -> None:
         self._not_before_s: dict[UUID, float] = {}  # by booking
+        self._look_at_s: dict[UUID, float] = {}  # by booking
 
     def step(self, now: datetime) -> None:
         """Begin what is due, and end what is over."""
         for booking in _shortened(now):
             self._attempt(booking, now, _end)
+        for booking in _begun(now):
+            if self._look_at_s.get(booking.pk, 0.0) <= time.monotonic():
+                self._look_at_s[booking.pk] = time.monotonic() + LOOK_S
+                self._attempt(booking, now, _look)
         for booking in _due(now):
+            self._look_at_s[booking.pk] = time.monotonic() + LOOK_S
             self._attempt(booking, now, _begin)
 
     def _attempt(self, booking: Booking, now: datetime, work: Callable[[Booking, datetime], None]) -> None:
@@ -58,14 +63,23 @@ class BookingRecorder:
             self._not_before_s[booking.pk] = now_s + AGAIN_S
 
 
-def _due(now: datetime) -> QuerySet[Booking]:
-    """Return the slots in use that are to be recorded, and are not, or no longer."""
+def _wanted(now: datetime) -> QuerySet[Booking]:
+    """Return the slots in use that are to be recorded."""
     wished = Q(record=True) | Q(shared=Shared.COURSE, course__record_lessons=True)
     held = Booking.objects.filter(state=Stored.BOOKED, starts_at__lte=now, held_until__gt=now + LEAST)
     if not settings.FLEET_RECORD_EVERY_BOOKING:
         held = held.filter(wished)
-    used = held.exclude(used_at=None).filter(Q(recorded_until=None) | Q(recorded_until__lte=now))
-    return used.select_related("robot", "person", "course")
+    return held.exclude(used_at=None).select_related("robot", "person", "course")
+
+
+def _due(now: datetime) -> QuerySet[Booking]:
+    """Return the slots that are to be recorded, and are not, or no longer."""
+    return _wanted(now).filter(Q(recorded_until=None) | Q(recorded_until__lte=now))
+
+
+def _begun(now: datetime) -> QuerySet[Booking]:
+    """Return the slots whose recording was begun, and should go on."""
+    return _wanted(now).filter(recorded_until__gt=now)
 
 
 def _shortened(now: datetime) -> QuerySet[Booking]:
@@ -75,10 +89,15 @@ def _shortened(now: datetime) -> QuerySet[Booking]:
 
 
 def _begin(booking: Booking, now: datetime) -> None:
-    """Begin a recording of the rest of the slot. Raises `NotDone`."""
+    """Begin a recording of the rest of the slot; it replaces one by hand, which has fewer topics. Raises `NotDone`."""
+    robot = booking.robot
     # The same at each attempt: one that lost its answer is found again
     recording = uuid5(booking.pk, str(booking.recorded_until))
-    goes_on = _going_on(booking)
+    goes_on = going_on(robot)
+    if goes_on is not None and goes_on.kind == "by_hand":
+        check_quota(robot.pk, None)  # else the one by hand would end for nothing
+        carry_out(robot, LinkRecordEnd(goes_on.recording), because="booking", booking=str(booking.pk))
+        goes_on = None
     if goes_on is None:
         order = LinkRecord(
             recording,
@@ -90,42 +109,37 @@ def _begin(booking: Booking, now: datetime) -> None:
             booking=str(booking.pk),
             course=booking.course.slug if booking.course else "",
         )
-        _carry_out(booking, order)
-    elif goes_on.recording != recording:
+        carry_out(robot, order, booking=str(booking.pk))
+    elif goes_on.recording != recording and not _is_of(booking):
         raise NotDone(_GOES_ON)
     Booking.objects.filter(pk=booking.pk).update(recorded_until=booking.held_until)
+
+
+def _look(booking: Booking, now: datetime) -> None:
+    """Have it begun again if it goes on no longer, unless a person ended it. Raises `NotDone`."""
+    goes_on = going_on(booking.robot)
+    if goes_on is not None and goes_on.kind == "booking":
+        return
+    begun, ended = (
+        last_accepted(kind, booking.robot_id, booking=str(booking.pk))
+        for kind in ("recording.begin", "recording.end")
+    )
+    if ended is None or ended.actor_id is None or (begun is not None and begun.pk > ended.pk):
+        log.warning("The recording of booking %s broke off, and is begun again.", booking.pk)
+        Booking.objects.filter(pk=booking.pk).update(recorded_until=now)
 
 
 def _end(booking: Booking, now: datetime) -> None:
     """End the recording of a slot that ends earlier. Raises `NotDone`."""
     if booking.held_until > now:
         return
-    goes_on = _going_on(booking)
+    goes_on = going_on(booking.robot)
     if goes_on is not None and goes_on.kind == "booking":
-        _carry_out(booking, LinkRecordEnd(goes_on.recording))
+        carry_out(booking.robot, LinkRecordEnd(goes_on.recording), booking=str(booking.pk))
     Booking.objects.filter(pk=booking.pk).update(recorded_until=now)
 
 
-def _going_on(booking: Booking) -> RecordingState | None:
-    """Return the recording of the robot that goes on. Raises `NotDone`."""
-    state = state_once(booking.robot_id, link_address(booking.robot)).recording
-    return state if state is not None and state.refusal is None else None
-
-
-def _carry_out(booking: Booking, order: LinkRecord | LinkRecordEnd) -> None:
-    """Record a request, send it, and record its outcome. Raises `NotDone`."""
-    parameters = {"recording": str(order.recording), "booking": str(booking.pk)}
-    robot = booking.robot
-    if isinstance(order, LinkRecord):
-        begun = record("recording.begin", robot_id=robot.pk, robot_name=robot.name, parameters=parameters)
-    else:
-        begun = record("recording.end", robot_id=robot.pk, robot_name=robot.name, parameters=parameters)
-    try:
-        if isinstance(order, LinkRecord):
-            check_quota(robot.pk, None)
-        order_once(robot.pk, link_address(robot), order, ANSWER_S)
-    except NotDone as refused:
-        outcome, words = refused.refusal.code, {"words": refused.refusal.sentence}
-        record(begun.kind, of=begun, outcome=outcome, private=words)
-        raise
-    record(begun.kind, of=begun, outcome="accepted")
+def _is_of(booking: Booking) -> bool:
+    """Return whether the recording that goes on was begun for this booking."""
+    begun = last_accepted("recording.begin", booking.robot_id)
+    return begun is not None and begun.parameters.get("booking") == str(booking.pk)

@@ -17,13 +17,15 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking
 from fleet.bookings.schedule import Schedule, schedule_of
+from fleet.bookings.selectors import is_recorded_by_rule
 from robots.registry.models import Robot
 from robots.shared.wire import LinkKeep, LinkRecord, LinkRecordEnd, RecordEnd, RecordingRequest, Refusal
 from robots.shared.wire import Record as Begin
 from teleop.control.changes import ControlRefused, recorded_change
 from teleop.control.lease_checks import LeaseState, check_in_control
 from teleop.control.selectors import lease_of
-from teleop.recordings.quota import check_quota
+from teleop.recordings.orders.housekeeping import last_accepted
+from teleop.recordings.orders.quota import check_quota
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +34,11 @@ LEAST_S = 1.0
 
 _NOT_YOURS = Refusal(
     "no_lease", "Only the person in control, supervisors and staff begin and end recordings.", "lease"
+)
+_OF_BOOKING = Refusal(
+    "recorded_by_rule",
+    "This booking is recorded by a rule of the lab or the course: supervisors and staff end that before the slot ends.",
+    "account",
 )
 
 
@@ -54,12 +61,17 @@ def ask_on_record(request: RecordingRequest, robot: NamedRobot, user: User, supe
     now = timezone.now()
     held = lease_of(robot.id)
     controls = check_in_control(held, user=user.pk, now=now) is None
-    if not (controls or supervises or (isinstance(request, RecordEnd) and _began(request, user))):
+    begun = last_accepted("recording.begin", robot.id) if isinstance(request, RecordEnd) else None
+    if not (controls or supervises or (isinstance(request, RecordEnd) and _began(request, begun, user))):
         raise ControlRefused(_NOT_YOURS)
+    booking = begun.parameters.get("booking", "") if begun is not None and begun.actor_id is None else ""
+    if booking and not supervises and not _wished(booking, user):
+        raise ControlRefused(_OF_BOOKING)
     if isinstance(request, Begin):
         check_quota(robot.id, user)
     order = _order(request, robot.id, user, held, now)
     kind, facts = _facts(order)
+    facts |= {"booking": booking} if booking else {}
     reason = "" if isinstance(request, RecordEnd) else request.reason
     with recorded_change():
         begun = audit.record(
@@ -112,16 +124,26 @@ def seconds_left(schedule: Schedule, now: datetime) -> float:
     return max((ends_at - now).total_seconds(), LEAST_S)
 
 
-def _began(request: RecordEnd, user: User) -> bool:
-    """Return whether this person asked for the recording."""
+def _began(request: RecordEnd, begun: Record | None, user: User) -> bool:
+    """Return whether this person asked for the recording. It has another number since its recorder broke."""
+    if begun is not None and begun.actor_id == str(user.pk):
+        return True
+    # Its outcome is written after the answer
     return Record.objects.filter(
         kind="recording.begin", actor_id=user.pk, parameters__recording=str(request.recording)
     ).exists()
 
 
+def _wished(booking_id: str, user: User) -> bool:
+    """Return whether the booking is recorded because this person wished it, by no rule of the lab or the course."""
+    booking = Booking.objects.filter(pk=booking_id, person=user, record=True).select_related("course").first()
+    return booking is not None and not is_recorded_by_rule(booking)
+
+
 def _facts(order: LinkRecord | LinkRecordEnd | LinkKeep) -> tuple[str, dict[str, object]]:
     if isinstance(order, LinkRecord):
-        return "recording.begin", {"recording": str(order.recording), "topics": order.topics}
+        facts: dict[str, object] = {"recording": str(order.recording), "topics": order.topics}
+        return "recording.begin", facts | ({"booking": order.booking} if order.booking else {})
     if isinstance(order, LinkRecordEnd):
         return "recording.end", {"recording": str(order.recording)}
     return "recording.mark", {}
