@@ -13,6 +13,7 @@ from fleet.base.durations import duration_text
 from robots.access.who_sees import Reader
 from robots.recordings.models import Recording
 from teleop.models import ControlSession
+from teleop.recordings import times
 from teleop.recordings.listing import seen
 from teleop.recordings.selectors import Sight, recordings_of_session
 
@@ -21,7 +22,7 @@ EVENTS = {
     "gate": _("slowed or stopped for safety"),
     "fault": _("fault"),
     "contact": _("contact"),
-    "keep": _("kept by hand"),
+    "keep": _("marked by hand"),
 }
 BEFORE_S = 10.0  # a link to an event begins so long before it
 
@@ -34,6 +35,7 @@ class Event(Struct, frozen=True):
     what: str
     text: str
     by: str
+    is_logged: bool = False  # the log has it, not the recording
 
     @property
     def begin_s(self) -> float:
@@ -65,8 +67,7 @@ def lines_of_session(user: User, session: ControlSession, reader: Reader) -> lis
 
 def events_of(sight: Sight) -> list[Event]:
     """Return what happened in the parts that the person sees."""
-    began_s = sight.recording.begins_at.timestamp()
-    return [_event(event, round(event["at"] - began_s, 3)) for event in sight.events]
+    return [_event(event, times.since_s(sight.recording, event["at"])) for event in sight.events]
 
 
 def _event(event: dict[str, Any], at_s: float) -> Event:

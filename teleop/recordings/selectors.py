@@ -93,7 +93,7 @@ def sights_of(
     there = [one for one in recordings if one.place != Place.GONE] if user.is_active else []
     by_role = {one.pk for one in there if reader.sees_past(one.robot_id)}
     others = [one for one in there if one.pk not in by_role]
-    by_role |= _of_courses(reader, others)
+    by_role |= of_courses(reader, others)
     shared = (
         set(_shared_with(user).filter(recording__in=others).values_list("recording", flat=True))
         if others
@@ -175,7 +175,7 @@ def _overlap(session: ControlSession, recording: Recording) -> bool:
     return session.robot_id == recording.robot_id and session.started_at < recording.ends_at and not is_over
 
 
-def _of_courses(reader: Reader, recordings: Sequence[Recording]) -> set[UUID]:
+def of_courses(reader: Reader, recordings: Sequence[Recording]) -> set[UUID]:
     """Return which of these the person sees as supervisor of their course."""
     if not recordings or not reader.courses:
         return set()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import date, datetime
+from datetime import date
 from typing import Any
 from uuid import UUID
 
@@ -26,12 +26,15 @@ from robots.access.who_sees import Reader, reader_of
 from robots.recordings.models import Kind, Recording
 from robots.registry.selectors import robot_facts
 from teleop.models import ControlSession
+from teleop.recordings import times
 from teleop.recordings.lines import EVENTS, Event, events_of, lines
 from teleop.recordings.listing import Filters, filtered
+from teleop.recordings.logged import logged
 from teleop.recordings.selectors import Sight, recordings_of, sessions_in, sight_of
 
 ROWS = 25
 SPEEDS = (0.25, 0.5, 1, 2, 4, 8)  # of the replay
+BEFORE_EVENT_S = 30.0  # the replay of a black box begins so long before its first event
 MOST_TEXT = 100  # characters of a filter
 
 
@@ -64,11 +67,14 @@ def recordings(request: HttpRequest) -> HttpResponse:
 def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
     """Show a recording: replay, downloads, and what may be done with it."""
     person = person_of(request)
+    reader = reader_of(person)
     found = Recording.objects.filter(pk=recording_id).select_related("robot", "person").first()
-    sight = sight_of(person, found) if found else None
+    sight = sight_of(person, found, reader) if found else None
     if found is None or sight is None:
         raise Http404("There is no such recording, or you may not see it.")
-    others = recordings_of(person)
+    others = recordings_of(person, reader)
+    events, is_box = events_of(sight), found.kind == Kind.BLACK_BOX
+    records, more = logged(person, sight, reader)
     shares = found.shares.select_related("person", "course") if sight.may_change else []
     context = {
         "recording": found,
@@ -79,13 +85,15 @@ def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
         "sessions": list(_sessions(sight, person.pk)),
         "shares": shares,
         "speeds": SPEEDS,
+        "more": more,
         "replay": {
             "address": f"/api/v1/recordings/{found.pk}",
             "beganAt": found.begins_at.isoformat(),
             "lastsS": (found.ends_at - found.begins_at).total_seconds(),
             "facts": msgspec.to_builtins(robot_facts(found.robot)),
-            "events": [_shown(event) for event in events_of(sight)],
-            "sees": [[_since(found, part.begins_at), _since(found, part.ends_at)] for part in sight.parts],
+            "beginS": max(events[0].at_s - BEFORE_EVENT_S, 0.0) if is_box and events else 0.0,
+            "events": [_shown(one) for one in sorted([*events, *records], key=lambda one: one.at_s)],
+            "sees": [[times.since(found, begin), times.since(found, end)] for begin, end in sight.parts],
         },
     }
     return render(request, "teleop/recordings/recording.html", context)
@@ -93,7 +101,14 @@ def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
 
 def _shown(event: Event) -> dict[str, Any]:
     """Return an event for the timeline."""
-    return {"atS": event.at_s, "event": event.event, "what": event.what, "text": event.text, "by": event.by}
+    return {
+        "atS": event.at_s,
+        "event": event.event,
+        "what": event.what,
+        "text": event.text,
+        "by": event.by,
+        "isLogged": event.is_logged,
+    }
 
 
 def _sessions(sight: Sight, person: UUID) -> Iterator[ControlSession]:
@@ -101,10 +116,6 @@ def _sessions(sight: Sight, person: UUID) -> Iterator[ControlSession]:
     for session in sessions_in(sight.recording):
         if sight.whole or session.user_id == person:
             yield session
-
-
-def _since(found: Recording, moment: datetime) -> float:
-    return round((moment - found.begins_at).total_seconds(), 3)
 
 
 def _courses(person: User, reader: Reader) -> QuerySet[Any, Any]:

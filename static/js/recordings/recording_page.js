@@ -5,6 +5,7 @@ import { PlanView } from "../drive/plan_view.js";
 import { mark, parts as partsOf, setText, setTextOrHide } from "../lib/dom.js";
 import { ScenePanel } from "../scene/scene_panel.js";
 import { changes } from "./changes.js";
+import { topics } from "./channels.js";
 import { downloads } from "./downloads.js";
 import { Player } from "./player.js";
 import { RecordedPictures } from "./recorded_pictures.js";
@@ -30,9 +31,7 @@ class Replay {
   constructor(root, data) {
     this.#parts = partsOf(root);
     const asked = Number(new URLSearchParams(location.search).get("t") ?? Number.NaN);
-    const { events, sees } = data;
-    const first = events.length ? Math.max(0, events[0].atS - 30) : 0;
-    this.#player = new Player(sees, Number.isFinite(asked) ? asked : first);
+    this.#player = new Player(data.sees, Number.isFinite(asked) ? asked : data.beginS);
     this.#views = new RecordedViews((from, to) =>
       readJson(
         `${data.address}/views?${new URLSearchParams({ from, to })}`,
@@ -89,7 +88,8 @@ class Replay {
       const { contents } = await readJson(address, gettext("The recording could not be read."));
       this.#pictures.channels = contents.channels;
       this.#plots.channels = contents.channels;
-      for (const { topic } of contents.channels) this.#parts.topics.add(new Option(topic, topic));
+      for (const topic of topics(contents.channels))
+        this.#parts.topics.add(new Option(topic, topic));
       if (!contents.has_views)
         this.#say(gettext("It has no plan: the console’s own topics were not recorded."));
     } catch (error) {
@@ -137,7 +137,8 @@ class Replay {
     if (!this.#player.playing) return;
     const seconds = this.#passedMs === null ? 0 : (ms - this.#passedMs) / 1000;
     this.#passedMs = ms;
-    if (this.#views.has(this.#player.atS)) this.#player.pass(seconds);
+    const { atS, part } = this.#player;
+    if (this.#views.has(atS, part)) this.#player.pass(seconds);
     requestAnimationFrame((next) => this.#pass(next));
   }
 

@@ -17,6 +17,7 @@ export class Timeline {
   #player;
   #data;
   #buttons = [];
+  #present = null; // the button of the last event until now
 
   /**
    * @param {Record<string, HTMLElement>} parts
@@ -48,8 +49,8 @@ export class Timeline {
 
   #markEvents() {
     const { events, "no-events": none, marks } = this.#parts;
-    for (const { atS, event, what, text, by } of this.#data.events) {
-      const mark = make("span", { className: "event", data: { event } });
+    for (const { atS, event, what, text, by, isLogged } of this.#data.events) {
+      const mark = make("span", { className: isLogged ? "record" : "event", data: { event } });
       mark.style.insetInlineStart = this.#share(atS);
       marks.append(mark);
       const words = [text, by && !text.includes(by) ? by : ""].filter(Boolean).join(" · ");
@@ -58,7 +59,8 @@ export class Timeline {
         make("strong", { className: "first-upper", text: what }),
         make("span", { className: "quiet", text: words }),
       ];
-      const button = makeButton({ data: { event }, children }, () => {
+      const data = isLogged ? {} : { event };
+      const button = makeButton({ data, children }, () => {
         this.#player.atS = atS;
       });
       this.#buttons.push([atS, button]);
@@ -74,9 +76,19 @@ export class Timeline {
     setText(time, `${spanText(atS, true)} / ${spanText(this.#data.lastsS, true)}`);
     moment.setAttribute("aria-valuetext", this.#clock(atS));
     const present = this.#buttons.findLast(([eventS]) => eventS <= atS + 0.05)?.[1];
-    for (const [, button] of this.#buttons)
-      if (button === present) button.setAttribute("aria-current", "true");
-      else button.removeAttribute("aria-current");
+    if (present === this.#present) return;
+    this.#present?.removeAttribute("aria-current");
+    this.#present = present;
+    present?.setAttribute("aria-current", "true");
+    if (present) this.#scrollTo(present);
+  }
+
+  /** Scroll the list, and not the page. */
+  #scrollTo(button) {
+    const { events } = this.#parts;
+    const [list, line] = [events.getBoundingClientRect(), button.getBoundingClientRect()];
+    if (line.top < list.top) events.scrollTop -= list.top - line.top;
+    else if (line.bottom > list.bottom) events.scrollTop += line.bottom - list.bottom;
   }
 
   #clock(atS) {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextvars import copy_context
-from datetime import timedelta
+from datetime import datetime, timedelta
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
@@ -17,13 +18,16 @@ import PIL.Image
 import pytest
 from django.contrib.staticfiles import finders
 from django.test import Client
+from django.utils import timezone
 from mcap.writer import Writer
 from playwright.sync_api import Browser, Page, Route, expect
 
 from fleet.accounts.models import User
+from fleet.audit.services import record
 from robots.recordings.models import Recording
 from robots.registry.models import Robot
 from robots.shared import wire
+from teleop.models import ControlSession
 from tests.teleop.recordings.test_sight import BEGAN, session
 from tests.teleop.support import IDLE
 
@@ -35,7 +39,7 @@ string format
 """
 
 
-def write(path: Path) -> None:
+def write(path: Path, begins_at: datetime = BEGAN) -> None:
     """Write 45 s: it drives forward, is stopped after 35 s, and its camera turns from red to green."""
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=50_000)
@@ -47,7 +51,7 @@ def write(path: Path) -> None:
         kind = writer.register_schema("sensor_msgs/CompressedImage", "ros1msg", PICTURE.encode())
         camera = writer.register_channel("/xtion/rgb/compressed", "ros1", kind)
         for tick in range(450):
-            at_ns = int(BEGAN.timestamp() * 1e9) + tick * 100_000_000
+            at_ns = int(begins_at.timestamp() * 1e9) + tick * 100_000_000
             stopped = tick >= STOPPED_S * 10
             state = wire.encode(IDLE)
             shown = json.loads(state) | {"text": "stopped" if stopped else "drives"}
@@ -152,6 +156,25 @@ def test_a_stop_is_found_and_watched(
         assert wide <= width, (width, wide)
         assert part("[data-part=picture]").evaluate("(canvas) => canvas.clientHeight") > 150
     assert faults == []
+
+
+def test_what_the_log_has_of_it_is_on_the_timeline(
+    recording: Recording, robot: Robot, operator: User, tmp_path: Path, page_of: Callable[[User], Page]
+) -> None:
+    begins_at = timezone.now() - timedelta(seconds=20)
+    write(tmp_path / "one.mcap", begins_at)
+    own = ControlSession.objects.create(robot=robot, user=operator, fence=7, started_at=begins_at)
+    Recording.objects.update(begins_at=begins_at, ends_at=begins_at + timedelta(seconds=45), events=[])
+    facts = {"actor": operator, "robot_id": robot.pk, "robot_name": robot.name, "session_id": own.pk}
+    record("speech.start", text="Mind the cupboard", **facts)
+    page = page_of(operator)
+    page.set_viewport_size({"width": 360, "height": 640})
+    page.goto(f"{HOST}/recordings/{recording.pk}/")
+    expect(page.locator("[data-part=time]")).to_have_text("0:00.0 / 0:45.0")
+    expect(page.locator("[data-part=marks] .record")).to_have_count(1)
+    page.get_by_role("button", name="Mind the cupboard").click()
+    expect(page.locator("[data-part=time]")).to_have_text(re.compile(r"0:2\d\.\d / 0:45\.0"))
+    expect(page.get_by_role("button", name="Mind the cupboard")).to_have_attribute("aria-current", "true")
 
 
 def test_a_student_cannot_watch_the_session_before(

@@ -11,10 +11,13 @@ import pytest
 from django.db import connection
 from django.test import Client
 from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
 
 from fleet.accounts.models import User
+from fleet.audit.services import record
 from robots.recordings.models import Recording
 from robots.registry.models import Robot
+from teleop.models import ControlSession
 from tests.teleop.recordings.test_sight import BEGAN, at, session
 
 pytestmark = pytest.mark.django_db
@@ -114,6 +117,49 @@ def test_a_long_recording_has_links_between_its_parts(
     for this, words, other in ((recording, "Later part", later), (later, "Earlier part", recording)):
         links = re.findall(r'href="([^"]*)">(\w+ part)', page(operator, f"/recordings/{this.pk}/").text)
         assert links == [(f"/recordings/{other.pk}/", words)]
+
+
+def test_the_timeline_has_the_log_as_far_as_a_person_reads_it(
+    robot: Robot, operator: User, second_operator: User, stranger: User, staff: User
+) -> None:
+    now = timezone.now()
+    begins_at, ends_at = now - timedelta(seconds=60), now + timedelta(seconds=60)
+    shown = Recording.objects.create(
+        robot=robot, kind="booking", begins_at=begins_at, ends_at=ends_at, file="one.mcap"
+    )
+    mine, theirs = (
+        ControlSession.objects.create(robot=robot, user=user, fence=fence, started_at=begins, ended_at=ends)
+        for user, fence, begins, ends in (
+            (operator, 1, now - timedelta(seconds=5), ends_at),
+            (second_operator, 2, begins_at, now - timedelta(seconds=5)),
+        )
+    )
+    shown.shares.create(person=stranger, made_at=now)
+    facts = {"robot_id": robot.pk, "robot_name": robot.name}
+    said = record("speech.start", actor=operator, session_id=mine.pk, text="Mind the cupboard", **facts)
+    record("speech.end", of=said, session_id=mine.pk, outcome="succeeded", **facts)
+    record("stop.press", actor=staff, **facts)
+    record(
+        "control.end", actor=second_operator, session_id=theirs.pk, **facts
+    )  # late: in the part of another
+    record("camera.start", actor=staff, **facts)
+    record("stop.press", actor=staff)  # of no robot
+
+    def timeline(person: User) -> list[tuple[str, str, str]]:
+        text = page(person, f"/recordings/{shown.pk}/").text
+        replay = json.loads(re.findall(r'<script id="recording"[^>]*>(.*?)</script>', text)[0])
+        assert all(60 <= one["atS"] < 70 and one["isLogged"] for one in replay["events"])
+        return [(one["event"], one["text"], one["by"]) for one in replay["events"]]
+
+    speech, stop = ("speech", "Mind the cupboard · succeeded", "Olga Operator"), ("stop", "", "Sam Staff")
+    assert timeline(operator) == [speech, stop]
+    assert timeline(staff) == [speech, stop, ("control", "", "Olaf Operator")]
+    assert timeline(stranger) == [stop]  # with whom it is shared sees all, but reads nobody's log
+    assert timeline(second_operator) == []
+    stopped = {"event": "stop", "at": timezone.now().timestamp(), "text": "Stopped.", "by": "Sam Staff"}
+    Recording.objects.update(events=[stopped])
+    text = page(operator, f"/recordings/{shown.pk}/").text
+    assert text.count('"event": "stop"') == 1  # the press is the event
 
 
 def test_a_long_list_needs_few_queries(
