@@ -27,7 +27,7 @@ _SAME = (
         "dropped",
         "continues",
     ),
-    *("cut", "ended_by", "thumbnail"),
+    *("cut", "ended_by", "thumbnail", "left_out"),
 )
 MOST_CHANGES = 200  # at a time: the bridge asks again
 

@@ -130,11 +130,11 @@ class Recorder:
                 kept = self._ring.put(message)
                 if kept and self._box is not None:
                     self._box.take.put(message)
-                self._notice_contact(message)
             if self._order is not None and _is_recorded(message.origin, self._order.order):
                 self._order.take.put(message)
                 if message.origin.latched:
                     self._order.latched.put(message)
+            self._notice_contact(message)
 
     def missed(self, origin: Origin, count: int) -> None:
         """Count messages that were lost before they arrived."""
@@ -199,9 +199,11 @@ class Recorder:
             self._follow_wanted()
 
     def _keep(self, happened: Happened) -> None:
-        """Keep what was before an event, and what follows."""
+        """Keep what was before an event, and what follows. It is noted in a recording on request, too."""
         now_s = time.monotonic()
         with self._lock:
+            if self._order is not None:
+                self._order.take.mark(happened.event, happened.at_ns, happened.text, happened.by)
             if self._ring is None:
                 return
             box = self._box

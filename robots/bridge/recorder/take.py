@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 
 FLUSH_S = 1.0  # what is lost if the computer loses its power
 MOST_WAITING_BYTES = 24 * 1024 * 1024  # in memory, for the disk
+MOST_EVENTS = 500  # that are noted: they are in the row, too
 MOST_PICTURES = 8  # topics, of which one becomes the small picture beside the file
 MOST_INDEX_BYTES = 32 * 1024 * 1024  # of the index in memory: a file with more of it is opened slowly
 SLOW_S = 3.0  # a disk that takes longer for a second of data is too slow
@@ -104,7 +105,8 @@ class Take:
         """Note an event."""
         with self._lock:
             kept = KeptEvent(event, self._clock.log_ns(at_ns) / 1e9, text, by)
-            self.about = structs.replace(self.about, events=[*self.about.events, kept])
+            if len(self.about.events) < MOST_EVENTS:
+                self.about = structs.replace(self.about, events=[*self.about.events, kept])
 
     def leave_out(self, count: int) -> None:
         """Note that so many topics are not in it."""

@@ -120,7 +120,7 @@ class RecordedTopic(Struct, frozen=True):
 
 
 class KeptEvent(Struct, frozen=True):
-    """An event for which a black box was kept."""
+    """An event for which a black box was kept, or which a recording on request shows."""
 
     event: RecordingEvent
     at: float  # Unix time, s
@@ -140,7 +140,7 @@ class TakenRecording(Struct, frozen=True, tag=True):
     directory: str  # on the computer of the bridge
     name: str  # of the file there; beside it, with the ending .jpg, a small picture of `thumbnail`
     topics: list[RecordedTopic]
-    events: list[KeptEvent] = []  # of a black box
+    events: list[KeptEvent] = []
     person: str = ""  # id: who asked for it, or had control
     session: str = ""  # of control
     booking: str = ""

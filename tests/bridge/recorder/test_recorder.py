@@ -122,6 +122,19 @@ def test_all_events_of_a_box_have_the_clock_of_its_file(bench) -> None:
     assert 0.0 <= gate.at - stop.at < 60.0
 
 
+def test_a_recording_on_request_has_its_events_also_without_control(bench) -> None:
+    order = wire.LinkRecord(uuid4(), 600.0, "all", "Ada", "person-1")
+    bench.tell(Begin(order))
+    bench.arrives()
+    bench.tell(happens("stop"))
+    bench.tell(InControl("person-2"))
+    bench.arrives(Origin("/bumper", "ros1", "std_msgs/Bool", "", "", "/base"), b"\x01")
+    bench.tell(End(order.recording))
+    bench.recorder.close(5.0)
+    events = {taken.kind: [event.event for event in taken.events] for taken in bench.finished(2)}
+    assert events == {"by_hand": ["stop", "contact"], "black_box": ["contact"]}
+
+
 def test_lines_that_the_bridge_could_not_send_are_in_the_box(bench) -> None:
     bench.tell(InControl("person-1"))
     bench.arrives()
