@@ -182,9 +182,7 @@ def test_a_recording_that_broke_off_is_begun_again(
     assert recorder.orders[2:] == [LinkRecordEnd(second.recording)]
 
 
-def test_a_booking_that_is_to_be_recorded_replaces_a_recording_by_hand(
-    booked: Any, recorder: FakeBridge
-) -> None:
+def test_the_recording_of_a_booking_replaces_one_by_hand(booked: Any, recorder: FakeBridge) -> None:
     recorder.recording = RecordingState(uuid4(), "by_hand", "Ben", ["/foo"], 0.0, 60.0)
     theirs = recorder.recording.recording
     booked(record=True)
