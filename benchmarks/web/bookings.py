@@ -184,6 +184,7 @@ class _Line(NamedTuple):
 def _line(stack: Stack) -> _Line:
     made = json.loads(_stored(stack, f"lesson({LINE})"))
     address = f"/api/v1/bookings/{made['booking']}/lesson"
+    _at_once(stack, made["tokens"], "GET", address)  # the page that they join from
     joined = _at_once(stack, made["tokens"], "POST", f"{address}/line")
     began_s = time.perf_counter()
     while True:
