@@ -26,7 +26,7 @@ from robots.shared.wire import (
     TakenPicture,
     Variant,
 )
-from teleop.camera.quality import Quality
+from teleop.camera.variant_choice import Quality
 
 log = logging.getLogger(__name__)
 

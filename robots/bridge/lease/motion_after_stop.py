@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 
 from robots.bridge.audit.records import Records
+from robots.bridge.gate.motion.braking import braking_time
 from robots.shared.configuration.bridge_config import BridgeConfig, Topics
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.geometry.poses import STILL, Pose, Velocity
@@ -40,9 +41,7 @@ def braking_s(profile: GateProfile, velocity: Velocity | None, latency_s: float)
     if velocity is None:
         top_mps = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         velocity = Velocity(top_mps, 0.0, limits.turn_radps)
-    share = profile.parameters.deceleration_share
-    linear_s = math.hypot(velocity.vx, velocity.vy) / (share * limits.linear_mps2)
-    return latency_s + max(linear_s, abs(velocity.w) / (share * limits.angular_radps2)) + SPARE_S
+    return latency_s + braking_time(velocity, profile) + SPARE_S
 
 
 def joints_of(topics: Topics) -> dict[Part, frozenset[str]]:

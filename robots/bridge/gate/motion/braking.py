@@ -61,7 +61,7 @@ def speed_before(
     return np.maximum(now, there_mps)
 
 
-def braking_distance(now_mps: float, there_mps: float, latency_s: float, deceleration_mps2: float) -> float:
+def slowing_distance(now_mps: float, there_mps: float, latency_s: float, deceleration_mps2: float) -> float:
     """Return the distance (m) for braking from `now_mps` to `there_mps`: v T + (v^2 - u^2) / 2a."""
     return now_mps * latency_s + (now_mps**2 - there_mps**2) / (2.0 * deceleration_mps2)
 

@@ -123,7 +123,7 @@ def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
         return Box(0.0, 0.0, 0.0)
     linear, _ = braking.deceleration(profile)
     harmless = harmless_m(v, parameters)
-    slowing_m = braking.braking_distance(v, parameters.creep_mps, parameters.latency_s, linear)
+    slowing_m = braking.slowing_distance(v, parameters.creep_mps, parameters.latency_s, linear)
     beside = footprint.reach(0.0) + harmless
     far = footprint.reach(slowing_m + harmless)
     return Box(far, 0.0, beside + far * far * w / (2.0 * v))

@@ -224,7 +224,7 @@ def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
     if v <= parameters.creep_mps:
         return np.empty(0, dtype=np.intp)
     linear, _ = braking.deceleration(surroundings.profile)
-    slowing_m = braking.braking_distance(v, parameters.creep_mps, parameters.latency_s, linear)
+    slowing_m = braking.slowing_distance(v, parameters.creep_mps, parameters.latency_s, linear)
     near = surroundings.gaps < slowing_m + harmless_m(v, parameters)
     return (near & (surroundings.points[:, 0] > 0.0)).nonzero()[0]
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from teleop.camera.quality import FULL_AGAIN_S, LEAST_HZ, Quality
+from teleop.camera.variant_choice import FULL_AGAIN_S, LEAST_HZ, Quality
 
 
 class Viewing:
