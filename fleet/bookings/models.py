@@ -343,8 +343,9 @@ class Waiting(models.Model):
     starts_at = models.DateTimeField(null=True, blank=True)
     ends_at = models.DateTimeField(null=True, blank=True)
     since = models.DateTimeField()
-    # Only for people who wait for a slot; the offer gets both:
+    # Only for people who wait for a slot; the offer gets these:
     purpose = NameField(_("purpose"), max_length=120, blank=True, default="", db_default="")
+    record = models.BooleanField(_("record it"), null=True)
     course = models.ForeignKey(
         Course, null=True, blank=True, on_delete=models.SET_NULL, related_name="waiting"
     )

@@ -166,18 +166,23 @@ def test_a_missing_qualification_is_named(robot, operator):
     assert Booking.objects.count() == 1
 
 
-def test_who_waits_keeps_purpose_and_course(signed_in, robot, operator, stranger, course, thesis):
+def test_who_waits_keeps_purpose_course_and_the_wish_to_record(
+    signed_in, robot, operator, stranger, course, thesis
+):
     browser, today = signed_in(stranger), lab_date()
     Course.objects.update(starts_on=today, ends_on=today + timedelta(days=13))
     monday = 24 * (7 - today.weekday())
     assert signed_in(operator).post(reverse("booking-new"), fields(robot, monday), **JSON).status_code == 200
-    asked = fields(robot, monday, course="thesis", purpose="night test")
+    asked = fields(robot, monday, course="thesis", purpose="night test", record="on")
     assert browser.post(reverse("bookings-waiting"), asked, **JSON).status_code == 200
-    assert "night test" in browser.get(reverse("bookings-mine")).content.decode()
-    assert Record.objects.get(kind="booking.wait").details["purpose"] == "night test"
+    page = browser.get(reverse("bookings-mine")).content.decode()
+    assert "night test" in page and "Recorded" in page
+    details = Record.objects.get(kind="booking.wait").details
+    assert (details["purpose"], details["record"]) == ("night test", True)
     booking_cancel(booking_id=Booking.objects.get().pk, version=1, actor=operator, now=timezone.now())
     offer = Booking.objects.get(state=State.OFFERED)
     assert (offer.person, offer.purpose, offer.course) == (stranger, "night test", thesis)
+    assert offer.record
 
 
 def test_only_people_who_may_override_are_asked_for_a_reason(client, course, supervisor, second_operator):

@@ -161,13 +161,18 @@ def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, 
         "ends_at": f"{starts + timedelta(hours=1):%Y-%m-%dT%H:%M}",
         "weeks": 3,
         "purpose": "HRI",
+        "record": "on",
     }
     page = client.post(reverse("booking-series"), {**fields, "action": "preview"}).content.decode()
+    assert "checked" in page.split('name="record"')[1].split(">")[0]
     assert "Olga Operator has booked" in page
     assert Booking.objects.count() == 1
     client.post(reverse("booking-series"), {**fields, "action": "book"})
     made = Booking.objects.filter(person=supervisor)
     assert (made.count(), made.values("series").distinct().count()) == (2, 1)
+    assert [one.record for one in made] == [True, True]
+    address = reverse("booking-whole-series", args=[made[0].series])
+    assert "from the first control in it" in client.get(address).content.decode()
 
 
 def test_a_preview_counts_the_weeks_before_as_the_booking_does(robot, supervisor):

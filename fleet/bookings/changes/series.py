@@ -99,10 +99,12 @@ def series_make(
     now: datetime,
     course: Course | None = None,
     turn_min: int | None = None,
+    record_it: bool = False,
 ) -> tuple[list[Booking], list[Week]]:
     """Book every slot that no rule refuses. Return the bookings, and the weeks that were left out.
 
-    `course`: the slots are lessons of this course, with turns of `turn_min` minutes.
+    `course`: the slots are lessons of this course, with turns of `turn_min` minutes. `record_it`: each
+    slot is recorded.
     """
     series = uuid4()
     made: list[Booking] = []
@@ -122,6 +124,7 @@ def series_make(
                 series=series,
                 lesson_of=course,
                 turn_min=turn_min if course else None,
+                record_it=record_it,
                 now=now,
             )
             made.append(booking)

@@ -60,10 +60,11 @@ def waiting_join(
     now: datetime,
     purpose: str = "",
     course: Course | None = None,
+    record_it: bool = False,
 ) -> Waiting:
     """Join the waiting list of a slot. Refused if the slot is free, or if another rule refuses to book it.
 
-    The offer gets `purpose` and `course`, as a booking does.
+    The offer gets `purpose`, `course` and `record_it`, as a booking does.
     """
     require_readable(purpose)
     found = refusals(wish_of(robot=robot, person=person, slot=slot, now=now, course=course))
@@ -74,7 +75,7 @@ def waiting_join(
     if Waiting.objects.filter(person=person, ends_at__gt=now).count() >= MOST:
         text = say("You wait for {most} slots already. Leave one of them first.", most=MOST)
         raise BookingRefused([Refusal("waits_enough", text, "booking", {"most": MOST})])
-    wanted = {"ends_at": slot.ends_at, "purpose": purpose, "course": course}
+    wanted = {"ends_at": slot.ends_at, "purpose": purpose, "course": course, "record": record_it or None}
     waiting, made = Waiting.objects.update_or_create(
         robot=robot,
         person=person,
@@ -98,11 +99,13 @@ def waiting_leave(*, person: User, waiting_id: int) -> None:
 
 def _facts(waiting: Waiting) -> dict[str, Any]:
     """Return the facts of a record about a waiting person."""
-    parameters = {
+    parameters: dict[str, Any] = {
         "person": str(waiting.person_id),
         "from": waiting.starts_at.isoformat() if waiting.starts_at else None,
         "to": waiting.ends_at.isoformat() if waiting.ends_at else None,
     }
+    if waiting.record:
+        parameters["record"] = True
     private = {"purpose": waiting.purpose} if waiting.purpose else {}
     return {**named(waiting.robot), "parameters": parameters, "private": private}
 
@@ -188,6 +191,7 @@ def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
         person=waiting.person,
         course=wish.course,
         purpose=waiting.purpose,
+        record=waiting.record,
         starts_at=slot.starts_at,
         ends_at=slot.ends_at,
         held_until=slot.ends_at,

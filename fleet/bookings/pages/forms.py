@@ -161,6 +161,13 @@ class OptionalLocalEnd(LocalEnd):
         return super().clean(value) if (value or "").strip() else None
 
 
+class RecordField(forms.BooleanField):
+    """The wish that a booking is recorded."""
+
+    def __init__(self) -> None:
+        super().__init__(label=_("Record what the robot senses in it"), required=False)
+
+
 class SeriesForm(forms.Form):
     """Weekly series, one for each robot: the first slot, the number of weeks, and days that are left out."""
 
@@ -187,6 +194,7 @@ class SeriesForm(forms.Form):
         label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False
     )
     purpose = forms.CharField(label=_("Purpose"), max_length=120)
+    record = RecordField()
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
 
     def __init__(self, *args: Any, robots: Any, courses: Any, overrides: bool, **options: Any) -> None:
@@ -374,7 +382,7 @@ class SlotForm(forms.Form):
     turn_min = forms.IntegerField(
         label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False
     )
-    record = forms.BooleanField(label=_("Record what the robot senses in it"), required=False)
+    record = RecordField()
     SHARING = ("lesson_of", "team", "turn_min")
 
     def __init__(

@@ -178,6 +178,7 @@ def series(request: HttpRequest) -> HttpResponse:
         ]
         return _series_page(request, form, weeks=weeks, names=len(robots) > 1)
     common |= {name: values[name] for name in ("purpose", "course", "turn_min")}
+    common["record_it"] = values["record"]
     made: list[Booking] = []
     left = 0
     for robot in robots:

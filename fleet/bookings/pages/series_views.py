@@ -23,6 +23,7 @@ from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes.whole_series import Change, Date, dates_of, series_cancel, series_move, series_of
 from fleet.bookings.models import DAY_NAMES, Booking
 from fleet.bookings.rules import LONGEST, Slot, from_to
+from fleet.bookings.selectors import is_recorded
 from robots.access.selectors import manages_robot, robots_supervised_by
 from robots.registry.models import Robot
 
@@ -112,6 +113,7 @@ def whole_series(request: HttpRequest, series: UUID) -> HttpResponse:
     context = {
         "first": first,
         "words": _in_words(first),
+        "recorded": is_recorded(first),
         "rows": [_row(one) for one in dates],
         "to_come": sum(one.to_come for one in dates),
         "preview": [{**_row(one), "new": _new(one)} for one in preview],

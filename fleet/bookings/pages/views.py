@@ -501,6 +501,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
             now=timezone.now(),
             purpose=form.cleaned_data["purpose"],
             course=form.cleaned_data.get("course"),
+            record_it=form.cleaned_data["record"],
         )
     except BookingRefused as error:
         return _refused(request, form, error.refusals)

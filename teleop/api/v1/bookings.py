@@ -116,6 +116,7 @@ class WaitingEntry(Struct, frozen=True):
     since: Time
     purpose: str
     course: str | None  # the chosen one
+    record: bool  # you wish that what the robot senses in it is recorded
 
 
 class WaitingList(Struct, frozen=True):
@@ -230,13 +231,14 @@ class HandOfferList(Struct, frozen=True):
 
 
 class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A slot that is taken. The offer gets `purpose` and `course`."""
+    """A slot that is taken. The offer gets `purpose`, `course` and `record`."""
 
     robot: Slug
     starts_at: Moment
     ends_at: Moment
     purpose: Annotated[str, Meta(max_length=120)] = ""
     course: Slug | None = None
+    record: bool = False
 
 
 _change = partial(operation, scope=Scope.BOOK, answer=BookingEntry, refuses=(404, 409))
@@ -508,6 +510,7 @@ class WaitingView(BookingsBase):
             now=timezone.now(),
             purpose=body.purpose,
             course=_course(body.course, self.person),
+            record_it=body.record,
         )
         headers = {"Location": f"/api/v1/waiting/{made.pk}"}
         return Response(wire.to_builtins(_waiting(made)), 201, headers=headers)
@@ -573,5 +576,10 @@ def _offer(offer: HandOffer, booking: Booking, link: str | None = None) -> HandO
 
 def _waiting(one: Waiting) -> WaitingEntry:
     return entry_of(
-        WaitingEntry, one, number=one.pk, robot=one.robot.slug, course=one.course and one.course.slug
+        WaitingEntry,
+        one,
+        number=one.pk,
+        robot=one.robot.slug,
+        course=one.course and one.course.slug,
+        record=bool(one.record),
     )

@@ -360,8 +360,9 @@ def test_wait_accept_and_leave(robot, operator, second_operator, program):
     free = api("POST", "/waiting", wish(robot, 5))
     assert (free.status_code, free.data["code"]) == (409, "free")
     assert api("POST", "/waiting", wish(robot, course="none")).status_code == 404
-    joined = api("POST", "/waiting", wish(robot, purpose="night test"))
+    joined = api("POST", "/waiting", wish(robot, purpose="night test", record=True))
     assert (joined.status_code, joined.data["purpose"], joined.data["course"]) == (201, "night test", None)
+    assert joined.data["record"]
     assert joined["Location"] == f"/api/v1/waiting/{joined.data['number']}"
     other = book(robot, operator, 7)
     left = api("POST", "/waiting", wish(robot, 7)).data
@@ -376,7 +377,7 @@ def test_wait_accept_and_leave(robot, operator, second_operator, program):
     program(operator)("DELETE", f"/bookings/{held.pk}", If_Match='"1"')
     keep_waiting_lists(clock.now())
     [offer] = api("GET", "/bookings?person=me").data["bookings"]
-    assert (offer["stage"], offer["purpose"]) == ("offered", "night test")
+    assert (offer["stage"], offer["purpose"], offer["record"]) == ("offered", "night test", True)
     assert offer["offer_until"]
     assert program(operator)("POST", f"/bookings/{offer['id']}/accept").data["code"] == "offer_over"
     assert api("POST", f"/bookings/{offer['id']}/accept").data["stage"] == "booked"

@@ -55,6 +55,7 @@ class SeriesRequest(Struct, frozen=True, forbid_unknown_fields=True):
     zone: Annotated[str, Meta(max_length=64)] | None = None  # null: the lab's time zone
     course: Annotated[str, Meta(max_length=100)] | None = None  # slug: the slots are lessons of this course
     turn_min: Annotated[int, Meta(ge=1, le=240)] | None = None  # its people take turns of so many minutes
+    record: bool = False  # what the robot senses in each slot is recorded
     override: Annotated[str, Meta(max_length=200)] = ""  # why against the policy, for managers of the robot
     preview: bool = False
 
@@ -150,6 +151,7 @@ class SeriesView(SetupView):
             override=body.override,
             course=course,
             turn_min=body.turn_min,
+            record_it=body.record,
             now=now,
         )
         entries = [_week(week) for week in left]

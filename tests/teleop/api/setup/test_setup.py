@@ -155,6 +155,7 @@ def test_a_weekly_series_is_previewed_and_booked(
         "without": [f"{first + timedelta(days=7):%Y-%m-%d}"],
         "zone": "UTC",
         "purpose": "Lab course",
+        "record": True,
     }
     assert program(operator)("POST", "/bookings/series", asked).data["code"] == "permission_denied"
     ask = program(supervisor)
@@ -167,6 +168,7 @@ def test_a_weekly_series_is_previewed_and_booked(
     assert [str(one.pk) for one in stored] == [week["booking"] for week in made["weeks"]]
     assert {str(one.series) for one in stored} == {made["series"]}
     assert [one.starts_at for one in stored] == [first, first + timedelta(days=14)]
+    assert [one.record for one in stored] == [True, True]
     again = ask("POST", "/bookings/series", asked).data
     assert [week["refusals"][0]["code"] for week in again["weeks"]] == ["taken", "taken"]
     address = f"/bookings/series/{made['series']}"
