@@ -38,7 +38,8 @@ MOST_SIGN_INS = 50  # of one person; a newer one ends the oldest
 SEEN_EVERY = timedelta(minutes=1)
 _NOTED = "seen_at"  # key in the session's data: the time when its use was noted last, seconds since 1970
 
-# Argument: user. Sent when an account is erased, in the same transaction: other apps erase their data, too.
+# Arguments: user, names (present and earlier ones). Sent when an account is erased, in the same transaction: other apps
+# erase their data, too.
 erased = Signal()
 
 
@@ -188,14 +189,15 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
     account_close(user=user)
     account = User.objects.filter(pk=user.pk)
     nobody = {"username": f"{ERASED}{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
+    names = _names_of(user) - set(nobody.values())
 
     def forget() -> None:
         account.update(**nobody, is_active=False)  # staff may have opened it meanwhile
-        erased.send(sender=User, user=user)
+        erased.send(sender=User, user=user, names=names)
 
     return erase(
         str(user.pk),
-        names=_names_of(user) - set(nobody.values()),
+        names=names,
         actor=actor,
         forget=forget,
     )

@@ -26,6 +26,7 @@ from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
+from robots.bridge.recorder.erasing.file_cuts import FileCuts
 from robots.bridge.recorder.files.file_changes import FileChanges
 from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
@@ -81,6 +82,7 @@ class Bridge:
         self._served = {served.name: ProcessClient(config, served) for served in (CAMERA, TAP)}
         self._recorder = RecorderClient(config, self._records)
         self._file_changes = FileChanges(config, self._records)
+        self._file_cuts = FileCuts(config, self._records)
         self._core = Core(
             config,
             self._base,
@@ -143,6 +145,7 @@ class Bridge:
             self._leave_at_zero(time.monotonic())
             self._watchdog.close()
             leftovers.cancel()
+            self._file_cuts.close()
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
@@ -224,6 +227,7 @@ class Bridge:
         )
         self._recorder.tick(grant, now_s)
         self._file_changes.tick(now_s)
+        self._file_cuts.tick(now_s)
         self._soon(self._show)
         self._soon(self._collect)
 

@@ -75,6 +75,8 @@ class Recording(models.Model):
     # Retention leaves it alone. Null: nobody keeps it by hand
     kept_at = models.DateTimeField(_("kept"), null=True, blank=True)
     file_kept = models.BooleanField(default=False)  # the bridge's computer knows that it is kept
+    # Times (ns, ends exclusive) that may stay in its file, in which a person is who was erased. Null: nobody is
+    stays = models.JSONField(null=True, blank=True)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
 
     class Meta:
@@ -89,6 +91,7 @@ class Recording(models.Model):
             # Has all that `file_changes` reads: rows are large
             models.Index(fields=["id", "place", "kept_at", "file_kept", "file"], name="recordings_to_change"),
             models.Index(fields=["object", "place"], name="recordings_by_object"),
+            models.Index(fields=["id"], condition=models.Q(stays__isnull=False), name="recordings_to_cut"),
         ]
 
     def __str__(self) -> str:

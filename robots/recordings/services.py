@@ -6,12 +6,15 @@ from datetime import UTC, datetime
 from uuid import UUID
 
 import msgspec
+from django.db import transaction
 from django.db.models import Q
+from django.dispatch import Signal
 from django.utils import timezone
+from msgspec import structs
 
-from fleet.accounts.models import User
+from fleet.accounts.models import ERASED, User
 from robots.recordings.models import Place, Recording
-from robots.shared.records.record_sink import FileChange, TakenRecording
+from robots.shared.records.record_sink import FileChange, KeptEvent, TakenRecording
 
 # Fields that row and report have alike
 _SAME = (
@@ -30,24 +33,35 @@ _SAME = (
     *("cut", "ended_by", "thumbnail", "left_out"),
 )
 MOST_CHANGES = 200  # at a time: the bridge asks again
+SOMEBODY = "somebody"  # who pressed stop, if the message was damaged
+# Arguments: recording; owner_erased; named: its file names a person who was erased. Sent in the transaction that stores
+# a new row.
+stored = Signal()
 
 
+@transaction.atomic
 def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
-    """Store the row of a finished file. A second report of the same recording changes nothing."""
-    recording, _ = Recording.objects.get_or_create(
+    """Store the row of a finished file. A second report of the same recording changes nothing.
+
+    The report may come long after a person in it was erased: then the row does not have their names.
+    """
+    person = _owner(taken.person)
+    is_erased = person is not None and person.username.startswith(ERASED)
+    events = [_named_by_somebody(event) for event in taken.events]
+    recording, is_new = Recording.objects.get_or_create(
         pk=taken.recording,
         defaults={
             "robot_id": robot_id,
-            "person": User.objects.filter(pk=person).first() if (person := _id(taken.person)) else None,
+            "person": None if is_erased else person,
             "kind": taken.kind,
-            "begins_at": datetime.fromtimestamp(taken.begins, UTC),
-            "ends_at": datetime.fromtimestamp(taken.ends, UTC),
+            "begins_at": moment_of(taken.begins),
+            "ends_at": moment_of(taken.ends),
             "session": _id(taken.session),
             "booking": _id(taken.booking),
             "course": taken.course,
-            "reason": taken.reason,
+            "reason": "" if is_erased else taken.reason,
             "topics": msgspec.to_builtins(taken.topics),
-            "events": msgspec.to_builtins(taken.events),
+            "events": msgspec.to_builtins(events),
             "bytes": taken.bytes,
             "dropped": taken.dropped,
             "left_out": taken.left_out,
@@ -60,12 +74,17 @@ def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
             "thumbnail": taken.thumbnail,
         },
     )
+    if is_new:
+        named = is_erased or events != taken.events
+        stored.send(sender=Recording, recording=recording, owner_erased=is_erased, named=named)
     return recording
 
 
 def taken_of(recording: Recording) -> TakenRecording:
     """Return what the row says now, as the report of its file."""
-    named = {"session": recording.session, "booking": recording.booking, "person": recording.person_id}
+    named = {"person": recording.person_id}
+    if recording.person_id is not None:  # they would lead to an owner who was erased
+        named |= {"session": recording.session, "booking": recording.booking}
     facts = {name: getattr(recording, name) for name in _SAME} | {
         "recording": recording.pk,
         "robot": str(recording.robot_id),
@@ -132,6 +151,26 @@ def objects_to_remove() -> list[tuple[UUID, str]]:
 def object_removed(recording_id: UUID, key: str) -> None:
     """Note that the object is gone."""
     Recording.objects.filter(pk=recording_id, place=Place.GONE, object=key).update(object="")
+
+
+def moment_of(seconds: float) -> datetime:
+    """Return a moment from seconds since 1970."""
+    return datetime.fromtimestamp(seconds, UTC)
+
+
+def _owner(person: str) -> User | None:
+    """Return the person with this id. Their erasure waits for the end of this transaction, or is over."""
+    if (number := _id(person)) is None:
+        return None
+    return User.objects.select_for_update(no_key=True).filter(pk=number).first()
+
+
+def _named_by_somebody(event: KeptEvent) -> KeptEvent:
+    """Return an event without a name that no account has: that of a person who was erased since then, or renamed."""
+    by = event.by
+    if not by or by == SOMEBODY or User.objects.filter(Q(full_name=by) | Q(username=by)).exists():
+        return event
+    return structs.replace(event, by="", text="")
 
 
 def _id(text: str) -> UUID | None:

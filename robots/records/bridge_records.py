@@ -30,6 +30,7 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
+from robots.recordings.file_cuts import file_cut, file_cuts
 from robots.recordings.services import (
     file_changed,
     file_changes,
@@ -44,6 +45,7 @@ from robots.shared.records.record_sink import (
     BadRecord,
     DriveSummary,
     FileChange,
+    FileCut,
     GateStart,
     GateSummary,
     Holder,
@@ -294,6 +296,16 @@ class AuditSink:
     def recording_changed(self, recording: UUID, change: FileChange) -> None:
         """Commit that this was done."""
         file_changed(recording, change)
+
+    @_as_record_error
+    def recording_cuts(self, after: UUID | None) -> list[FileCut]:
+        """Return which files must lose people who were erased."""
+        return file_cuts(after)
+
+    @_as_record_error
+    def recording_cut(self, done: FileCut) -> None:
+        """Commit that a file has lost them."""
+        file_cut(done)
 
     def _without_end(self, after: int) -> list[Record]:
         """Return this robot's records after `after` that have no end, the newest first."""

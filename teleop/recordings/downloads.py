@@ -1,7 +1,7 @@
 """Files that people download: a whole recording, a cut in time, chosen topics; as MCAP or as a bag.
 
-A whole MCAP file is sent as it is. Everything else is made once, and stays for some hours, so that a download can be
-continued.
+A whole MCAP file is sent as it is, unless a person is in it who was erased. Everything else is made once, and stays for
+some hours, so that a download can be continued. A part names nobody but who downloads it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import msgspec
 from django.conf import settings
 from msgspec import Struct, structs
 
+from fleet.accounts.models import User
 from robots.recordings import stores
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Unreadable
@@ -68,19 +69,21 @@ class Download(NamedTuple):
     version: str
 
 
-def download(sight: Sight, wanted: Wanted) -> Download:
+def download(sight: Sight, wanted: Wanted, user: User) -> Download:
     """Return the file, made now if needed. Raises `NotDone`, `FileAway` or OSError."""
-    if sight.whole and wanted == Wanted():
-        return Download(stores.open_file(sight.recording), str(sight.recording.pk))
-    path = _made(sight, wanted)
+    recording = sight.recording
+    if sight.whole and wanted == Wanted() and recording.stays is None:
+        # Its size changes if a person who was erased is cut out of it
+        return Download(stores.open_file(recording), f"{recording.pk}-{recording.bytes}")
+    path = _made(sight, wanted, _about(sight, wanted, user))
     return Download(path.open("rb"), f"{path.stem}-{path.stat().st_mtime_ns:x}")
 
 
-def _made(sight: Sight, wanted: Wanted) -> Path:
+def _made(sight: Sight, wanted: Wanted, about: TakenRecording) -> Path:
     """Return the path of a part, made now if needed. Raises `NotDone` or `FileAway`."""
     recording = sight.recording
     parts = sorted(times.windows_ns(recording, sight.parts))
-    asked = hashlib.sha256(msgspec.json.encode([wanted, parts, _about(sight)])).hexdigest()[:20]
+    asked = hashlib.sha256(msgspec.json.encode([wanted, parts, about])).hexdigest()[:20]
     folder = _folder()
     path = folder / f"{recording.pk}-{asked}.{wanted.format}"
     if path.exists():
@@ -90,7 +93,7 @@ def _made(sight: Sight, wanted: Wanted) -> Path:
     if not _making.acquire(timeout=WAIT_S):
         raise NotDone(_BUSY)
     try:
-        _make(sight, wanted, path)
+        _make(sight, wanted, about, path)
     except Unreadable as error:
         raise NotDone(UNREADABLE) from error
     except NoBag as error:
@@ -118,7 +121,13 @@ def remove_old() -> None:
             file.path.unlink(missing_ok=True)
 
 
-def _make(sight: Sight, wanted: Wanted, path: Path) -> None:
+def remove_of(recording: UUID) -> None:
+    """Remove what was made of a recording: a person is in it who was erased."""
+    for path in _folder().glob(f"{recording}-*"):
+        path.unlink(missing_ok=True)
+
+
+def _make(sight: Sight, wanted: Wanted, about: TakenRecording, path: Path) -> None:
     with stores.open_file(sight.recording) as stream:
         contents = Contents(stream, sight.recording.pk)
         windows = times.windows_ns(sight.recording, sight.parts, wanted.from_s, wanted.until_s)
@@ -132,7 +141,7 @@ def _make(sight: Sight, wanted: Wanted, path: Path) -> None:
         try:
             if wanted.format == "mcap":
                 with draft.open("xb") as file:
-                    count = cut(contents, file, topics=topics, windows=windows, about=_about(sight))
+                    count = cut(contents, file, topics=topics, windows=windows, about=about)
             else:
                 count = write_bag(contents, draft, topics=topics, windows=windows)
             if not count:
@@ -142,12 +151,30 @@ def _make(sight: Sight, wanted: Wanted, path: Path) -> None:
             draft.unlink(missing_ok=True)
 
 
-def _about(sight: Sight) -> TakenRecording:
-    """Return what a file that is made for this person says of itself: what the person is told of the recording."""
+def _about(sight: Sight, wanted: Wanted, user: User) -> TakenRecording:
+    """Return what a file that is made for this person says of itself."""
+    recording = sight.recording
+    events = msgspec.convert(sight.events, list[KeptEvent])
+    told = structs.replace(taken_of(recording), directory="", events=events)
+    if sight.whole and wanted.from_s is None and wanted.until_s is None:
+        return told
+    windows = times.windows_ns(recording, sight.parts, wanted.from_s, wanted.until_s) or [(0, 0)]
     told = structs.replace(
-        taken_of(sight.recording), directory="", events=msgspec.convert(sight.events, list[KeptEvent])
+        told,
+        begins=windows[0][0] / 1e9,
+        ends=windows[-1][1] / 1e9,
+        bytes=0,
+        name="",
+        topics=[],
+        events=[
+            event if event.by in ("", user.display_name) else structs.replace(event, by="", text="")
+            for event in events
+            if any(begin <= event.at * 1e9 < end for begin, end in windows)
+        ],
     )
-    return told if sight.tells_owner else structs.replace(told, person="", session="", reason="")
+    if recording.person_id == user.pk:
+        return told
+    return structs.replace(told, person="", session="", booking="", reason="")
 
 
 # --- the folder ------------------------------------------------------------------------------------

@@ -1,59 +1,129 @@
-"""Recordings of a person who is erased: theirs are deleted; others lose their names and the time of their sessions."""
+"""Recordings of a person who is erased: theirs are deleted; others lose their names and the time of their sessions.
+
+From then on pages and downloads show neither. The computer that has the file cuts it soon (`Recording.stays`).
+"""
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Collection
+from functools import partial
 from typing import Any
+from uuid import UUID
 
-from django.db.models import Q
+from django.db import transaction
+from django.db.models import Q, TextField
+from django.db.models.functions import Cast
 from django.dispatch import receiver
 from django.utils import timezone
 
 from fleet.accounts.models import ERASED, User
 from fleet.accounts.services import erased
 from robots.recordings.models import Place, Recording
+from robots.recordings.services import stored
 from teleop.models import ControlSession, RecordingShare
-from teleop.recordings.listing import has
 from teleop.recordings.selectors import Part, Sight, recordings_about, sessions_in, without_erased
+from teleop.recordings.times import ns_of
+
+END_NS = 2**63 - 1  # of time
 
 
 @receiver(erased)
-def _forget(*, user: User, **_options: Any) -> None:
-    """Delete what shows nobody else. In the rest `selectors` hides the sessions; names leave the rows here."""
+def _forget(*, user: User, names: Collection[str], **_options: Any) -> None:
+    """Delete what shows nobody else; in the rest take out the sessions and the names, also in others' recordings."""
     RecordingShare.objects.filter(person=user).delete()
-    names = {name for name in (user.username, user.full_name, user.display_name) if name}
+    known = {name for name in names if name.strip()}
     for recording in recordings_about(user):
-        if _shows_others(recording, user):
-            _take_out(recording, user, names)
+        if _shows_others(recording, is_owner=recording.person_id == user.pk):
+            _take_out(recording, user, known)
         else:
-            Recording.objects.filter(pk=recording.pk).update(
-                place=Place.GONE, deleted_at=timezone.now(), person=None, reason="", events=[]
-            )
-    named = Q()
-    for name in names:
-        named |= has("events", "by", name)
-    for recording in Recording.objects.filter(named):
-        _take_out(recording, user, names)
+            _delete(recording)
+    for recording in _naming(known):
+        _take_out(recording, user, known)
 
 
-def _shows_others(recording: Recording, user: User) -> bool:
+@receiver(stored)
+def _forget_late(*, recording: Recording, owner_erased: bool, named: bool, **_options: Any) -> None:
+    """Do the same with a recording whose file was reported after the erasure. An erasure waits, or is over."""
+    people = {session.user_id for session in sessions_in(recording)}
+    locked = User.objects.select_for_update(no_key=True).filter(pk__in=people).order_by("pk")
+    is_shown = any(person.username.startswith(ERASED) for person in locked)
+    if not (is_shown or named):
+        return
+    if _shows_others(recording, is_owner=owner_erased):
+        _take_out(recording, None, ())
+    else:
+        _delete(recording)
+
+
+def _delete(recording: Recording) -> None:
+    Recording.objects.filter(pk=recording.pk).update(
+        place=Place.GONE, deleted_at=timezone.now(), person=None, reason="", events=[], stays=None
+    )
+    transaction.on_commit(partial(_remove_downloads, recording.pk))
+
+
+def _remove_downloads(recording: UUID) -> None:
+    from teleop.recordings import downloads  # its libraries are not for every process that loads this app
+
+    downloads.remove_of(recording)
+
+
+def _shows_others(recording: Recording, is_owner: bool) -> bool:
     """Return whether it shows somebody else's session, or, if another person owns it, any time without one."""
-    if recording.person_id == user.pk:
+    if is_owner:
         return any(not session.user.username.startswith(ERASED) for session in sessions_in(recording))
     whole = [Part(recording.begins_at, recording.ends_at)]
     return without_erased([Sight(recording, True, whole, False)]) != [None]
 
 
-def _take_out(recording: Recording, user: User, names: set[str]) -> None:
-    own = recording.person_id == user.pk
-    sessions = [one for one in sessions_in(recording) if one.user_id == user.pk]
+def _take_out(recording: Recording, user: User | None, names: Collection[str]) -> None:
+    gone = [one for one in sessions_in(recording) if one.user.username.startswith(ERASED)]
     recording.events = [
-        event | {"by": "", "text": ""} if event.get("by") in names else event
+        event | {"by": "", "text": ""} if _names_one(event, names) else event
         for event in recording.events
-        if not any(_covers(one, event["at"]) for one in sessions)
+        if not any(_covers(one, event["at"]) for one in gone)
     ]
-    if own:
+    if user is not None and recording.person_id == user.pk:
         recording.person, recording.reason = None, ""
-    recording.save(update_fields=["events", "person", "reason"])
+    elif _word_of(names, recording.reason):
+        recording.reason = ""
+    recording.stays = _around(gone)
+    recording.save(update_fields=["events", "person", "reason", "stays"])
+    transaction.on_commit(partial(_remove_downloads, recording.pk))
+
+
+def _around(gone: list[ControlSession]) -> list[tuple[int, int]]:
+    """Return the times without these sessions, the earliest first."""
+    stays, begin_ns = [], 0
+    for session in gone:
+        stays.append((begin_ns, ns_of(session.started_at)))
+        begin_ns = max(begin_ns, ns_of(session.ended_at) + 1 if session.ended_at else END_NS)
+    return [(begin, end) for begin, end in [*stays, (begin_ns, END_NS)] if begin < end]
+
+
+def _naming(names: Collection[str]) -> list[Recording]:
+    """Return the recordings whose reason or events have one of the names as a word."""
+    might = Q(pk__in=[])
+    for name in names:
+        might |= Q(reason__contains=name)
+        for ascii_only in (True, False):  # JSON as SQLite stores it, and as PostgreSQL stores it
+            might |= Q(happened__contains=json.dumps(name, ensure_ascii=ascii_only)[1:-1])
+    found = Recording.objects.exclude(place=Place.GONE).annotate(happened=Cast("events", TextField()))
+    return [
+        one
+        for one in found.filter(might)
+        if _word_of(names, one.reason) or any(_names_one(event, names) for event in one.events)
+    ]
+
+
+def _names_one(event: dict[str, Any], names: Collection[str]) -> bool:
+    return any(_word_of(names, str(event.get(field, ""))) for field in ("by", "text"))
+
+
+def _word_of(names: Collection[str], text: str) -> bool:
+    return bool(names) and re.search(rf"(?<!\w)(?:{'|'.join(map(re.escape, names))})(?!\w)", text) is not None
 
 
 def _covers(session: ControlSession, at_s: float) -> bool:

@@ -13,6 +13,8 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.records.record_sink import (
     DriveSummary,
+    FileChange,
+    FileCut,
     GateStart,
     GateSummary,
     Holder,
@@ -75,6 +77,12 @@ class FileSink:
 
     def drop_recording(self, recording: UUID) -> None:
         self._record(f"recording dropped {recording}")
+
+    def recording_changes(self, after: UUID | None) -> list[tuple[str, FileChange]]:
+        return []
+
+    def recording_cuts(self, after: UUID | None) -> list[FileCut]:
+        return []
 
 
 if __name__ == "__main__":

@@ -13,9 +13,12 @@ from functools import partial
 from typing import NamedTuple, TypeVar
 from uuid import UUID
 
+import msgspec
+
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.shared.records.record_sink import (
     FileChange,
+    FileCut,
     Holder,
     Parameters,
     RecordError,
@@ -149,6 +152,22 @@ class Records(RecordWriter):
     def recording_changed(self, recording: UUID, change: FileChange) -> None:
         """Store that this was done."""
         self.run_in_background(partial(self.sink.recording_changed, recording, change))
+
+    def recording_cuts(self, after: UUID | None, found: Callable[[list[FileCut]], object]) -> None:
+        """Ask which files must lose people who were erased. `found` is called on the worker's thread."""
+
+        def ask() -> None:
+            try:
+                cuts = self.sink.recording_cuts(after)
+            except RecordError:
+                return  # the database does not answer: the next time
+            found(msgspec.convert(cuts, list[FileCut]))
+
+        self.run_in_background(ask)
+
+    def recording_cut(self, done: FileCut) -> None:
+        """Store that a file has lost them."""
+        self.run_in_background(partial(self.sink.recording_cut, done))
 
     def keep_description(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
         """Store the robot's description between two records. `failed` is called on the worker's thread."""

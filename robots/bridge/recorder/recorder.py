@@ -18,6 +18,7 @@ from msgspec import Struct, structs
 
 from robots.bridge.recorder.clock import RecordingClock
 from robots.bridge.recorder.contacts import Contacts, reports_contact
+from robots.bridge.recorder.erasing.nameless import Nameless
 from robots.bridge.recorder.files import finished_files
 from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.bridge.recorder.recorder_messages import (
@@ -119,6 +120,7 @@ class Recorder:
         self._takes: set[Take] = set()  # that are not finished
         self._happened: list[tuple[int, Take]] = []  # events whose file is not open yet
         self._numbers: dict[str, int] = {}  # of the bridge's messages
+        self._nameless = Nameless()
         self._rate = (0.0, 0, 0.0)  # time and bytes of the last measurement, and the rate
 
     # --- messages -------------------------------------------------------------------------------------
@@ -171,7 +173,8 @@ class Recorder:
         match _request.decode(line):
             case Said() as said:
                 number = self._numbers[said.topic] = self._numbers.get(said.topic, 0) + 1
-                self.arrived(Message(origin_of(said.topic), number, said.at_ns, bytes(said.message)))
+                data = self._nameless(bytes(said.message))
+                self.arrived(Message(origin_of(said.topic), number, said.at_ns, data))
             case Lost(topic=topic, count=count):
                 self.missed(origin_of(topic), count)
             case InControl() as control:

@@ -221,7 +221,8 @@ class RecorderClient:
     def refused(self, refusal: Refusal, kind: str) -> None:
         """Write a refusal of any other request."""
         if self.wants_view:
-            self._say(EVENT, ChainEvent("refused", f"{kind}: {refusal.text}", code=refusal.code))
+            text = f"{kind}: {refusal.text}"
+            self._say(EVENT, ChainEvent("refused", text, code=refusal.code, figures=refusal.figures))
 
     def state(self) -> dict[str, Any]:
         """Return the fields of `wire.State` that the recorder knows."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from uuid import UUID
 
@@ -31,6 +32,7 @@ class ChainEvent(Struct, frozen=True, omit_defaults=True):
     text: str = ""
     by: str = ""
     code: str = ""  # of the rule
+    figures: Mapping[str, float | int | str | None] = {}  # of a refusal
 
 
 # Channels that the bridge writes, with the type of their messages
@@ -54,7 +56,7 @@ def origin_of(topic: str) -> Origin:
 
 
 class Said(Struct, frozen=True, tag_field="t", tag="said"):
-    """A message on one of `CHANNELS`. `at_ns`: by the monotonic clock."""
+    """A message on one of `CHANNELS`, with names, which no file has. `at_ns`: by the monotonic clock."""
 
     topic: str
     at_ns: int

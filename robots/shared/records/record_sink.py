@@ -159,6 +159,17 @@ class TakenRecording(Struct, frozen=True, tag=True):
 FileChange = Literal["remove", "keep", "let_go"]
 
 
+class FileCut(Struct, frozen=True):
+    """What stays of a file in which people are who were erased.
+
+    `taken`: what its metadata say from then on; after the cut also times, topics and size of the file, which is removed
+    (0 bytes) if nothing stays.
+    """
+
+    taken: TakenRecording
+    stays: list[tuple[int, int]]  # times (ns since 1970), ends exclusive, in order
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge uses it. The returned numbers only identify records."""
 
@@ -217,3 +228,9 @@ class RecordSink(Protocol):
 
     def recording_changed(self, recording: UUID, change: FileChange) -> None:
         """Commit that this was done."""
+
+    def recording_cuts(self, after: UUID | None) -> list[FileCut]:
+        """Return which files must lose people who were erased: as `recording_changes`."""
+
+    def recording_cut(self, done: FileCut) -> None:
+        """Commit that a file has lost them."""

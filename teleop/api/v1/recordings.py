@@ -332,7 +332,7 @@ class FileView(RecordingBase):
         topics = query.topics.split(",") if query.topics else None
         wanted = downloads.Wanted(query.format, query.from_, query.to, topics, query.pictures)
         try:
-            found = downloads.download(sight, wanted)
+            found = downloads.download(sight, wanted, self.person)
         except OSError as error:
             raise FileAway from error
         name = downloads.name_of(sight, wanted)

@@ -18,8 +18,13 @@ float64 z
 SECOND = 1_000_000_000
 
 
-def sample(seconds: int = 10, encoding: str = "ros1", begins_s: int = 0) -> io.BytesIO:
-    """A recording: a latched map, a topic of 10 Hz with two speeds and a place, pictures, and a channel of JSON."""
+def sample(
+    seconds: int = 10, encoding: str = "ros1", begins_s: int = 0, holder: str = "", about: str = ""
+) -> io.BytesIO:
+    """A recording: a latched map, a topic of 10 Hz with two speeds and a place, pictures, and a channel of JSON.
+
+    `holder`: a name in that channel; `about`: `TakenRecording` in the metadata.
+    """
     stream = io.BytesIO()
     writer = Writer(stream, chunk_size=2000)
     writer.start(profile="ros1", library="test")
@@ -42,8 +47,9 @@ def sample(seconds: int = 10, encoding: str = "ros1", begins_s: int = 0) -> io.B
         odom = struct.pack("<Iddddd", 2, tick, -tick, 1.0, 2.0, tick / 10)
         writer.add_message(channels["/odom"], at_ns, odom, at_ns, tick)
         writer.add_message(channels["/camera"], at_ns, struct.pack("<I", 50) + bytes(50), at_ns, tick)
-        writer.add_message(view, at_ns, b'{"state":{"speed":%d}}' % tick, at_ns, tick)
-    writer.add_metadata("fleet", {"robot": "tiago-1"})
+        name = b'"holder":"%s",' % holder.encode() if holder else b""
+        writer.add_message(view, at_ns, b'{"state":{%s"speed":%d}}' % (name, tick), at_ns, tick)
+    writer.add_metadata("fleet", {"taken": about} if about else {"robot": "tiago-1"})
     writer.finish()
     stream.seek(0)
     return stream

@@ -25,6 +25,7 @@ from robots.shared.records import calls
 from robots.shared.records.record_sink import (
     BadRecord,
     DriveSummary,
+    FileCut,
     GateStart,
     GateSummary,
     Holder,
@@ -49,6 +50,7 @@ HELD = Verdict(STILL, STILL, "stale", WHY, "laser", 0.5, side="ahead", point=(1.
 TOPIC, EVENT = RecordedTopic("/tf", "tf2_msgs/TFMessage", 5), KeptEvent("stop", 1.5, WHY, "Ada")
 HOLDER = Holder("7", "Ada", str(uuid4()), 3)
 DRIVE = DriveSummary("halted", WHY, START, 1.0, 2.0, 0.3, 0.4, 1, [Sample(0.1, 1.0, 2.0, 3.0, 0.3)], 0.02)
+TAKEN = TakenRecording(uuid4(), "r", "by_hand", 1.0, 2.0, 9, "/var", "a", [TOPIC], [EVENT], continues=uuid4())
 CALLS: dict[str, tuple[Any, ...]] = {
     "settle": (),
     "test_writable": (),
@@ -61,14 +63,12 @@ CALLS: dict[str, tuple[Any, ...]] = {
     "end_gate": (1, HOLDER, GateSummary(0.5, ["stale"], HELD, Pose(1.0, 2.0, 3.0))),
     "ill_parts": (),
     "keep_map": (TakenMap(0.05, Pose(0.0, 0.0, 0.0), 3, 2, b"\x89PNG", "digest"),),
-    "keep_recording": (
-        TakenRecording(
-            uuid4(), "r", "by_hand", 1.0, 2.0, 9, "/var", "a", [TOPIC], [EVENT], continues=uuid4()
-        ),
-    ),
+    "keep_recording": (TAKEN,),
     "drop_recording": (uuid4(),),
     "recording_changes": (uuid4(),),
     "recording_changed": (uuid4(), "keep"),
+    "recording_cuts": (uuid4(),),
+    "recording_cut": (FileCut(TAKEN, [(0, 2**63 - 1)]),),
     "keep_description": (TakenDescription("digest", b"\x00", "no joints"),),
 }
 

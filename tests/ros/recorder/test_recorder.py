@@ -12,8 +12,10 @@ from std_msgs.msg import Bool, Int64, String
 
 from robots.bridge.recorder.recorder_messages import (
     COMMAND,
+    EVENT,
     Begin,
     Begun,
+    ChainEvent,
     Command,
     Finished,
     Happened,
@@ -35,14 +37,17 @@ def test_a_recording_has_its_topics_and_the_chain(recorder, publish) -> None:
     publish("/numbers", Int64(7))
     recording = recorder.begins(["/words"], reason="a report")
     recorder.say(said(3))
+    begins = ChainEvent("control_begins", by="Ada")
+    recorder.say(Said(EVENT, time.monotonic_ns(), msgspec.Raw(wire.encode(begins))))
     until(lambda: recorder.bytes > 600, "bytes")
     taken = recorder.finishes(recording)
     assert (taken.kind, taken.person, taken.reason, taken.cut) == ("by_hand", "person-1", "a report", False)
     found = messages_of(recorder.directory / taken.name)
-    assert found.keys() == {"/words", COMMAND}
+    assert found.keys() == {"/words", COMMAND, EVENT}
+    assert [msgspec.json.decode(data)["by"] for _, data in found[EVENT]] == ["…"]
     assert [String().deserialize(data).data for _, data in found["/words"]] == ["kept"]
     assert msgspec.json.decode(found[COMMAND][0][1], type=Command).drive.fence == 3
-    assert {topic.topic: topic.messages for topic in taken.topics} == {"/words": 1, COMMAND: 1}
+    assert {topic.topic: topic.messages for topic in taken.topics} == {"/words": 1, COMMAND: 1, EVENT: 1}
 
 
 def test_everything_or_all_but_pictures(recorder, publish) -> None:

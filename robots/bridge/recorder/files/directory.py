@@ -2,7 +2,8 @@
 
 All recorders of the computer share it. A recording is BEGIN-KIND-UUID.mcap, such as
 20261130T103000Z-black_box-7c1f….mcap, while it is written with the ending .part and a lock. Beside it may be: .jpg, a
-small picture; .new: it has no row yet; .kept: somebody keeps it. No name comes from a person or a robot.
+small picture; .new: it has no row yet; .kept: somebody keeps it; .draft: what will replace it (`erasing`). No name
+comes from a person or a robot.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from uuid import UUID
 from robots.shared.sentences import say
 from robots.shared.wire import RecordingKind, Refusal
 
-FILE, PART, NEW, KEPT, PICTURE = ".mcap", ".part", ".new", ".kept", ".jpg"
+FILE, PART, NEW, KEPT, PICTURE, DRAFT = ".mcap", ".part", ".new", ".kept", ".jpg", ".draft"
 # Written to the end if the disk fills otherwise: a second of data, and the summary
 RESERVE_BYTES = 64 * 1024 * 1024
 COUNT_S = 10.0  # between two counts of all files: other processes write there, too
@@ -53,6 +54,15 @@ def refusal_of(error: OSError) -> Refusal:
         return _FAULTS[error.errno]
     text = say("The recording cannot be written: {why}.", why=error.strerror or str(error))
     return Refusal("disk_failed", text, "limits")
+
+
+def sync_folder(path: Path) -> None:
+    """Make sure that new names of files survive a power cut."""
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
 
 
 class Entry(NamedTuple):
@@ -105,11 +115,7 @@ class RecordingDirectory:
         finished = draft.path.with_suffix(FILE)
         draft.path.rename(finished)
         draft.stream.close()
-        folder = os.open(self.path, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(self.path)
         return finished
 
     def discard(self, draft: Draft) -> None:
@@ -177,6 +183,12 @@ class RecordingDirectory:
         for path in self.path.glob(f"*-{recording}{FILE}"):
             self._remove(path)
 
+    def path_of(self, name: str) -> Path:
+        """Return where a finished recording is. Raises FileNotFoundError: this is no name of one."""
+        if _NAME.fullmatch(name.removesuffix(FILE)) is None:
+            raise FileNotFoundError(errno.ENOENT, "no name of a recording", name)
+        return self.path / name
+
     def make_room(self, more: int) -> list[UUID]:
         """Remove the oldest black boxes that nobody keeps until `more` bytes fit; return them. Raises NoRoom.
 
@@ -239,5 +251,5 @@ class RecordingDirectory:
 
     def _remove(self, path: Path) -> None:
         # The file last: as long as it is there, it is removed again
-        for ending in (NEW, KEPT, PICTURE, FILE):
+        for ending in (NEW, KEPT, PICTURE, DRAFT, FILE):
             path.with_suffix(ending).unlink(missing_ok=True)

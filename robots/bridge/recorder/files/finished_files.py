@@ -80,15 +80,15 @@ def _finished(draft: Draft) -> TakenRecording | None:
         dropped=sum(map(int, dropped.values())),
         name=draft.path.with_suffix(FILE).name,
         cut=not taken.name,  # the last words of a whole file have its name
-        thumbnail=taken.thumbnail or _make_picture(draft),
+        thumbnail=taken.thumbnail or make_picture(draft.path),
     )
     recovery.append_metadata(draft.stream, found, ABOUT, {"taken": wire.encode(taken).decode()})
     return taken
 
 
-def _make_picture(draft: Draft) -> bool:
-    """Write the small picture beside a finished file, from its last picture."""
-    with draft.path.open("rb") as stream:
+def make_picture(path: Path) -> bool:
+    """Write the small picture beside a finished file, from its last picture. Return False: it has none."""
+    with path.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
         if summary is None:
@@ -100,7 +100,7 @@ def _make_picture(draft: Draft) -> bool:
                 origin = Origin(topic, "ros1", schema.name if schema else "", "", "")
                 picture = thumbnail_of(Message(origin, 0, 0, message.data))
                 if picture is not None:
-                    draft.path.with_suffix(PICTURE).write_bytes(picture)
+                    path.with_suffix(PICTURE).write_bytes(picture)
                     return True
                 break
     return False
