@@ -167,7 +167,7 @@ class Records:
         self.done.append(done)
 
 
-async def test_the_bridge_lets_files_here_be_cut_and_goes_on_after_one_that_cannot(path: Path) -> None:
+async def test_files_here_are_cut_although_one_cannot_be(path: Path) -> None:
     elsewhere, broken = (path.with_name(NAME.format(UUID(int=number))) for number in (1, 2))
     broken.write_bytes(b"no recording")
     wanted = [FileCut(taken(one), [(3 * SECOND, END)]) for one in (elsewhere, broken, path)]

@@ -183,16 +183,14 @@ def test_a_file_that_must_lose_more_is_cut_again(
     assert parts_of(Path(recording.directory, recording.file).read_bytes())[0] == [3, 4, 5, 6]
 
 
-def test_a_cut_that_comes_after_the_deletion_lets_the_file_be_removed_again(
-    made: Any, robot: Robot, staff: User
-) -> None:
+def test_a_cut_after_the_deletion_removes_the_file_again(made: Any, robot: Robot, staff: User) -> None:
     recording = made(person=str(staff.pk))
     Recording.objects.update(place=Place.GONE, file="")
     file_cut(FileCut(taken_of(recording), [(0, 2**63 - 1)]))
     assert file_changes() == [(recording.pk, "remove")]
 
 
-def test_ones_own_part_has_exactly_ones_own_time_and_names_nobody_else(
+def test_ones_own_part_is_ones_own_time_and_names_nobody_else(
     made: Any, robot: Robot, operator: User, second_operator: User, staff: User
 ) -> None:
     mine = operator.display_name
