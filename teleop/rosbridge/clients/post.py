@@ -198,6 +198,7 @@ class Post:
 
     async def _keep_sending(self) -> None:
         layer = get_channel_layer()
+        reachable = True
         while True:
             channel, body = await self._out.get()
             event = {"type": "clients.post", "by": self.process, "body": body}
@@ -206,8 +207,11 @@ class Post:
                     await layer.send(channel, event)
                 elif layer is not None:
                     await layer.group_send(self._group, event)
+                reachable = True
             except Exception as error:  # noqa: BLE001 - each backend has its own errors; the sender waits in vain
-                log.warning("A message between clients of other web processes is lost: %s", error)
+                if reachable:
+                    log.warning("Messages to clients at other web processes are lost: %s", error)
+                reachable = False
             finally:
                 self._out.task_done()
 
