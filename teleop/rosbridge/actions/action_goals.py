@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
-from robots.shared.configuration.bridge_config import Topics
+from robots.shared.configuration.bridge_config import CLIENTS, Topics
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
@@ -64,7 +64,8 @@ class ActionGoals(Family):
 
     def service(self, name: str) -> Service | None:
         action = name.removesuffix(CANCEL_ALL)
-        return self._cancel_all(action) if action != name and action in self._actions else None
+        offered = action in self._actions or action.startswith(CLIENTS)
+        return self._cancel_all(action) if action != name and offered else None
 
     def actions(self) -> Iterable[str]:
         return self._clients.advertised.listed()
@@ -129,6 +130,8 @@ class ActionGoals(Family):
         async def cancel(_arguments: dict[str, Any]) -> dict[str, Any]:
             for goal in self._goals.of(name):
                 await self._goals.cancel(goal)
+            for id_ in self._clients.of(name):
+                await self._clients.cancel(id_)
             return {"return_code": 0, "goals_canceling": []}
 
         return cancel

@@ -90,6 +90,10 @@ class ClientActions:
             del self._sent[id_]
             raise
 
+    def of(self, name: str) -> list[str]:
+        """Return the ids of the goals that this client sent to an action."""
+        return [id_ for id_, sent in self._sent.items() if sent.action == name]
+
     async def cancel(self, id_: Id) -> bool:
         """Ask for the cancel of a goal that this client sent. Return whether there is one. Raises NotDone."""
         if (sent := self._sent.get(str(id_))) is None:

@@ -258,6 +258,10 @@ async def test_a_clients_action_takes_goals_of_other_clients(open_client, bridge
     assert (await other.told("goal_twice"))["id"] == "mine"
     await other.send("cancel_action_goal", id="mine", action="/fleet/clients/count")
     await server.hears_op("cancel_action_goal", id=taken["id"])
+    assert (await other.call("/fleet/clients/count/_action/cancel_goal"))[
+        "result"
+    ]  # cancelAllGoals of roslibjs
+    await server.hears_op("cancel_action_goal", id=taken["id"])
     assert not [one for one in server.inbox if one["op"] == "send_action_goal"]
     await server.send(
         "action_result", id=taken["id"], action="/count", values={"at": 2}, status=5, result=True
