@@ -221,12 +221,14 @@ def test_a_recording_that_is_deleted_during_its_upload_leaves_nothing(
 
     upload = store_work.upload
 
-    def deleted_then(*arguments: Any) -> None:
-        upload(*arguments)
+    def beside_another_process(*arguments: Any) -> None:
         Recording.objects.filter(pk=recording.pk).update(place=Place.GONE)
+        StoreWork(s3.store, None, computer.ended).work_once()
+        assert services.objects_to_remove() == []
+        upload(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store_work, "upload", deleted_then)
+        patch.setattr(store_work, "upload", beside_another_process)
         computer.work.work_once()
     recording.refresh_from_db()
     assert (recording.place, recording.object) == (Place.GONE, "") and s3.objects() == []
