@@ -15,11 +15,11 @@ from robots.shared.records.record_sink import FileCut
 MOST = 20  # at a time: the bridge asks again
 
 
-def file_cuts(after: UUID | None = None) -> list[FileCut]:
+def file_cuts(after: UUID | None = None, place: Place = Place.DIRECTORY) -> list[FileCut]:
     """Return which files must be cut, behind this recording in the order of ids. Their computers know them."""
-    rows = (
-        Recording.objects.filter(stays__isnull=False, place=Place.DIRECTORY).exclude(file="").order_by("pk")
-    )
+    rows = Recording.objects.filter(stays__isnull=False, place=place).order_by("pk")
+    if place == Place.DIRECTORY:
+        rows = rows.exclude(file="")
     if after is not None:
         rows = rows.filter(pk__gt=after)
     return [FileCut(taken_of(row), msgspec.convert(row.stays, list[tuple[int, int]])) for row in rows[:MOST]]
@@ -27,7 +27,7 @@ def file_cuts(after: UUID | None = None) -> list[FileCut]:
 
 @transaction.atomic
 def file_cut(done: FileCut) -> None:
-    """Note that the bridge's computer did this. If the file must lose more since then, it is cut again."""
+    """Note that the computer that has the file did this. If the file must lose more since then, it is cut again."""
     taken = done.taken
     row = Recording.objects.select_for_update(of=("self",), no_key=True).filter(pk=taken.recording).first()
     if row is None:

@@ -127,19 +127,25 @@ def recording_gone(recording_id: UUID) -> None:
 
 
 def object_begins(recording_id: UUID, key: str) -> bool:
-    """Note that there may be an object of this file. Return False if the recording was deleted meanwhile."""
-    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY)
+    """Note that there may be an object of this file. Return False if it was deleted, or must be cut first."""
+    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY, stays__isnull=True)
     return bool(there.update(object=key))
 
 
 def object_stored(recording_id: UUID, key: str) -> bool:
-    """Note that the object store has the file, which may be removed here. Return False if it was deleted meanwhile."""
-    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY)
+    """Note that the object store has the file, which may be removed here. Return False as `object_begins`."""
+    there = Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY, stays__isnull=True)
     if there.update(place=Place.S3, object=key, file=""):
         return True
     # Its object may have been removed before it was whole
     Recording.objects.filter(pk=recording_id, place=Place.GONE).update(object=key)
     return False
+
+
+def object_replaced(recording_id: UUID, key: str, new: str) -> bool:
+    """Note that the object store has the file by another key now. Return False if something else happened meanwhile."""
+    there = Recording.objects.filter(pk=recording_id, place=Place.S3, object=key)
+    return bool(there.update(object=new))
 
 
 def objects_to_remove() -> list[tuple[UUID, str]]:

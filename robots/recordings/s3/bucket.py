@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from functools import cache
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
@@ -73,6 +73,10 @@ class Bucket:
         self._ask("list_objects_v2", Prefix=self._store.prefix, MaxKeys=1)
 
     # --- objects ----------------------------------------------------------------------------------------
+
+    def keys(self, beginning: str) -> list[str]:
+        """Return the keys of objects that begin like this; of at most 1,000."""
+        return [one["Key"] for one in self._ask("list_objects_v2", Prefix=beginning).get("Contents", [])]
 
     def find(self, key: str) -> Found:
         """Return what an object is. Raises `NotThere`."""
@@ -175,6 +179,23 @@ class Bucket:
 
     def _away(self, why: str, kind: type[StoreAway] = StoreAway) -> StoreAway:
         return kind(f"The object store {urlsplit(self._store.endpoint).netloc}: {why}.")
+
+
+def key_of(prefix: str, path: Path) -> str:
+    """Return the key of a file. Another content has another key: an upload never continues that of an earlier one."""
+    return f"{prefix}{path.stem}.{path.stat().st_mtime_ns:x}{path.suffix}"
+
+
+def name_of(key: str) -> str:
+    """Return the name that the file had on the bridge's computer."""
+    name = PurePosixPath(key)
+    return f"{name.name.partition('.')[0]}{name.suffix}"
+
+
+def family_of(key: str) -> str:
+    """Return how the keys of all objects of the recording begin: earlier contents, and pictures."""
+    folder, slash, name = key.rpartition("/")
+    return f"{folder}{slash}{name.partition('.')[0]}."
 
 
 def picture_of(key: str) -> str:

@@ -1,5 +1,7 @@
 """The work of the store process: it removes objects of deleted recordings, and uploads finished files one at a time.
 
+It also cuts people who were erased out of objects.
+
 What it did is in the rows and in the store, so it may be killed at any moment, and several may run.
 """
 
@@ -18,8 +20,9 @@ from django.db import DatabaseError, close_old_connections
 from fleet.base.environment import ObjectStore
 from robots.recordings import services
 from robots.recordings.models import Place, Recording
-from robots.recordings.s3.bucket import PICTURE, Bucket, StoreAway, picture_of
-from robots.recordings.s3.upload import Damaged, Interrupted, forget, upload
+from robots.recordings.s3.bucket import PICTURE, Bucket, StoreAway, key_of, picture_of
+from robots.recordings.s3.object_cuts import Cutter, ObjectCuts
+from robots.recordings.s3.upload import Damaged, Interrupted, Later, forget, upload
 
 log = logging.getLogger(__name__)
 
@@ -47,20 +50,27 @@ class Files(Protocol):
     def remove(self, recording: UUID) -> None: ...
 
 
-def work(store: ObjectStore, files: Files | None, ended: threading.Event) -> None:
-    """Work until `ended`. A store that is away is tried again, with growing pauses, and told once."""
-    process = StoreWork(store, files, ended)
+def work(
+    store: ObjectStore, files: Files | None, ended: threading.Event, folder: Path, cut_file: Cutter
+) -> None:
+    """Work until `ended`. A store that is away is tried again, with growing pauses, and told once.
+
+    `folder`: for files while `cut_file` cuts them.
+    """
+    process = StoreWork(store, files, ended, folder, cut_file)
     trouble, pause_s = "", 0.0
     while not ended.wait(pause_s):
         said, pause_s = "", EVERY_S if not trouble else min(2 * pause_s, LONGEST_S)
         try:
             process.work_once()
-        except (StoreAway, DatabaseError, OSError) as error:
+        except Interrupted:
+            return
+        except (StoreAway, Later, DatabaseError, OSError) as error:
             said = str(error)
         finally:
             close_old_connections()
         if said and said != trouble:
-            log.warning("Recordings stay on this computer, and are tried again: %s", said)
+            log.warning("Recordings wait for the object store, and are tried again: %s", said)
         elif trouble and not said:
             log.info("The object store takes recordings again.")
             pause_s = EVERY_S
@@ -70,17 +80,33 @@ def work(store: ObjectStore, files: Files | None, ended: threading.Event) -> Non
 class StoreWork:
     """The work of one process. `files` None: this computer keeps no recordings."""
 
-    def __init__(self, store: ObjectStore, files: Files | None, ended: threading.Event) -> None:
+    def __init__(
+        self,
+        store: ObjectStore,
+        files: Files | None,
+        ended: threading.Event,
+        folder: Path,
+        cut_file: Cutter,
+    ) -> None:
         self._bucket = Bucket(store, PATIENCE_S)
         self._prefix = store.prefix
         self._files = files
         self._ended = ended
+        self._cuts = ObjectCuts(self._bucket, store.prefix, folder, cut_file, self._goes_on)
+
+    def _goes_on(self) -> bool:
+        return not self._ended.is_set()
 
     def work_once(self) -> None:
-        """Do what is to do now, the oldest first. Raises `StoreAway` or DatabaseError."""
+        """Do what is to do now, the oldest first.
+
+        Raises `StoreAway`, `Later`, `Interrupted`, DatabaseError or OSError.
+        """
         self._remove()
+        self._cuts.work_once()
         if self._files is None or (lock := _sole(self._files.path)) is None:
             return
+        failed = []
         with lock:
             for file in self._files.entries():
                 try:
@@ -88,10 +114,10 @@ class StoreWork:
                 except FileNotFoundError:  # it was deleted meanwhile
                     continue
                 except (OSError, Damaged) as error:
-                    log.warning("The recording %s is uploaded later: %s", file.recording, error)
-                except Interrupted:
-                    return
+                    failed.append(f"{file.recording}: {error}")
                 self._remove()
+        if failed:
+            raise Later(", ".join(failed))
 
     def _move(self, files: Files, file: FinishedFile) -> None:
         """Move a file into the store. One that was moved, and not removed here before a crash, is removed."""
@@ -103,26 +129,21 @@ class StoreWork:
 
     def _upload(self, row: Recording, path: Path) -> bool:
         """Upload a file. Return whether its place is the store now."""
-        version = path.stat().st_mtime_ns
-        key = f"{self._prefix}{path.stem}.{version:x}{path.suffix}"
+        key = key_of(self._prefix, path)
         if row.object not in ("", key):  # the file has changed since
-            self._forget(row.object)
+            forget(self._bucket, row.object)
         if not services.object_begins(row.pk, key):
             return False
         picture = path.with_suffix(PICTURE)
         if picture.exists():
             self._bucket.put(picture_of(key), picture.read_bytes())
-        upload(self._bucket, path, key, lambda: not self._ended.is_set())
-        return path.stat().st_mtime_ns == version and services.object_stored(row.pk, key)
+        upload(self._bucket, path, key, self._goes_on)
+        return key_of(self._prefix, path) == key and services.object_stored(row.pk, key)
 
     def _remove(self) -> None:
         for recording, key in services.objects_to_remove():
-            self._forget(key)
+            forget(self._bucket, key)
             services.object_removed(recording, key)
-
-    def _forget(self, key: str) -> None:
-        forget(self._bucket, key)
-        self._bucket.remove(picture_of(key))
 
 
 def _sole(folder: Path) -> IO[str] | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from robots.recordings.s3.bucket import Bucket, Found, NotThere, Part, md5
+from robots.recordings.s3.bucket import Bucket, Found, NotThere, Part, family_of, md5
 
 PART_BYTES = 8 * 1024 * 1024  # in memory; S3 wants 5 MiB or more
 MOST_PARTS = 10_000  # of S3
@@ -16,6 +16,10 @@ MOST_PARTS = 10_000  # of S3
 
 class Interrupted(Exception):
     """This process ends: the upload goes on later."""
+
+
+class Later(Exception):
+    """Some recordings could not be treated now. The text says which, and why."""
 
 
 class Damaged(Exception):
@@ -42,13 +46,20 @@ def upload(bucket: Bucket, path: Path, key: str, goes_on: Callable[[], bool]) ->
 
 
 def forget(bucket: Bucket, key: str) -> None:
-    """Remove the object, and uploads of it that were begun."""
+    """Remove all objects of a recording, and uploads of this one that were begun."""
     for number in bucket.uploads(key):
         try:
             bucket.abort(key, number)
         except NotThere:
             continue
-    bucket.remove(key)
+    forget_others(bucket, family_of(key), ())
+
+
+def forget_others(bucket: Bucket, family: str, kept: Collection[str]) -> None:
+    """Remove the objects of a recording but these."""
+    for key in bucket.keys(family):
+        if key not in kept:
+            bucket.remove(key)
 
 
 def _send(bucket: Bucket, file: BinaryIO, key: str, part_bytes: int, goes_on: Callable[[], bool]) -> None:

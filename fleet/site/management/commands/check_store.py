@@ -24,7 +24,7 @@ class Command(BaseCommand):
         store = settings.FLEET_S3
         if store is None:
             raise CommandError("FLEET_S3_URL is not set: recordings stay on the computers of the bridges.")
-        bucket, key, data = Bucket(store, PATIENCE_S), f"{store.prefix}check-{uuid4()}", b"fleet console"
+        bucket, key, data = Bucket(store, PATIENCE_S), f"{store.prefix}check-{uuid4()}.txt", b"fleet console"
         try:
             bucket.check()
             upload = bucket.begin(key)

@@ -13,6 +13,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
 from fleet.base.schema import begin
+from robots.bridge.recorder.erasing.__main__ import cut_file
 from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.recordings.s3.store_work import work
 from robots.shared.processes.shutdown import end_event
@@ -37,4 +38,6 @@ class Command(BaseCommand):
             settings.FLEET_S3,
             RecordingDirectory(place, settings.FLEET_RECORDINGS_BYTES) if place else None,
             ended,
+            settings.FLEET_VAR / "store",
+            cut_file,
         )

@@ -18,16 +18,19 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.utils import timezone
 
+from robots.bridge.recorder.erasing.__main__ import cut_file
 from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.recordings import services, stores
+from robots.recordings.files.contents import Contents
 from robots.recordings.models import Place, Recording
 from robots.recordings.s3 import store_work
 from robots.recordings.s3.bucket import StoreAway
 from robots.recordings.s3.store_work import StoreWork, work
-from robots.recordings.s3.upload import PART_BYTES
+from robots.recordings.s3.upload import PART_BYTES, Later
 from robots.registry.models import Robot
 from tests.processes import REPOSITORY
 from tests.robots.recordings.s3.storage import Request, Storage, _storage, s3
+from tests.robots.recordings.samples import SECOND, sample
 
 pytestmark = pytest.mark.django_db
 __all__ = ["_storage", "s3"]
@@ -54,7 +57,8 @@ class Computer:
         self.s3, self.robot = s3, robot
         self.files = RecordingDirectory(folder, 10**9)
         self.ended = threading.Event()
-        self.work = StoreWork(s3.store, self.files, self.ended)
+        self.folder = folder.with_name("while they are cut")
+        self.work = StoreWork(s3.store, self.files, self.ended, self.folder, cut_file)
 
     def record(self, data: bytes, **given: Any) -> Recording:
         """A finished recording with its row and a small picture."""
@@ -164,24 +168,23 @@ def test_a_store_that_answers_503_gets_the_file_later(
     rounds = iter(range(200))
     ended = computer.ended
     ended.wait = lambda _s: next(rounds) > 50 or not computer.path(recording).exists()  # type: ignore[method-assign]
-    work(s3.store, computer.files, ended)
+    work(s3.store, computer.files, ended, computer.folder, cut_file)
     recording.refresh_from_db()
     assert recording.place == Place.S3 and s3.parts == [1, *[2] * 6]
     assert caplog.text.count("tried again") == 1 and "503 SlowDown" in caplog.text
     assert caplog.text.count("takes recordings again") == 1
 
 
-def test_what_arrived_otherwise_is_sent_again_and_the_file_stays(
-    computer: Computer, s3: Storage, caplog: Any
-) -> None:
+def test_what_arrived_otherwise_is_sent_again_and_the_file_stays(computer: Computer, s3: Storage) -> None:
     data = _data(5000)
     recording = computer.record(data)
     path = computer.path(recording)
     key = f"lab/{path.stem}.{path.stat().st_mtime_ns:x}.mcap"
     s3.ask("put_object", Key=key, Body=data[:-1] + b"?")
-    computer.work.work_once()
+    with pytest.raises(Later, match="was not the file"):
+        computer.work.work_once()
     recording.refresh_from_db()
-    assert recording.place == Place.DIRECTORY and path.exists() and "uploaded later" in caplog.text
+    assert recording.place == Place.DIRECTORY and path.exists()
     computer.work.work_once()
     recording.refresh_from_db()
     assert recording.place == Place.S3
@@ -223,7 +226,7 @@ def test_a_recording_that_is_deleted_during_its_upload_leaves_nothing(
 
     def beside_another_process(*arguments: Any) -> None:
         Recording.objects.filter(pk=recording.pk).update(place=Place.GONE)
-        StoreWork(s3.store, None, computer.ended).work_once()
+        StoreWork(s3.store, None, computer.ended, computer.folder, cut_file).work_once()
         assert services.objects_to_remove() == []
         upload(*arguments)
 
@@ -233,6 +236,61 @@ def test_a_recording_that_is_deleted_during_its_upload_leaves_nothing(
     recording.refresh_from_db()
     assert (recording.place, recording.object) == (Place.GONE, "") and s3.objects() == []
     assert computer.path(recording).exists(), "the bridge removes it"
+
+
+def test_erased_people_are_cut_out_of_objects_whatever_breaks(computer: Computer, s3: Storage) -> None:
+    recording = computer.record(sample(10, holder="Olga").getvalue())
+    computer.work.work_once()
+    [before, *_] = [key for key in s3.objects() if key.endswith(".mcap")]
+    Recording.objects.update(stays=[[0, 5 * SECOND]])
+
+    for broken in ("POST", "DELETE"):  # before the new object is whole; before the old one is gone
+        s3.fault = lambda request, broken=broken: (503, "SlowDown") if request.method == broken else None
+        with pytest.raises(StoreAway):
+            computer.work.work_once()
+        recording.refresh_from_db()
+        assert recording.stays and not computer.folder.exists() and before in s3.objects()
+    s3.fault = lambda _: None
+    s3.requests.clear()
+    computer.work.work_once()
+    recording.refresh_from_db()
+    assert recording.stays is None and s3.parts == [], "it was cut before"
+    assert recording.place == Place.S3 and before not in s3.objects() and s3.uploads() == []
+    with stores.open_file(recording) as file:
+        data = file.read()
+        contents = Contents(file)
+    assert b"Olga" not in data and len(data) == recording.bytes and contents.ends_ns < 5 * SECOND
+    Recording.objects.update(stays=[])
+    computer.work.work_once()
+    recording.refresh_from_db()
+    computer.work.work_once()
+    assert recording.place == Place.GONE and s3.objects() == []
+
+
+def test_a_file_that_must_be_cut_is_not_uploaded(computer: Computer, s3: Storage) -> None:
+    recording = computer.record(_data(500), stays=[[0, 5]])
+    computer.work.work_once()
+    assert s3.objects() == []
+    Recording.objects.update(stays=None)
+
+    def then_one_is_erased(*arguments: Any) -> None:
+        upload(*arguments)
+        Recording.objects.update(stays=[[0, 5]])
+
+    upload = store_work.upload
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store_work, "upload", then_one_is_erased)
+        computer.work.work_once()
+    recording.refresh_from_db()
+    path = computer.path(recording)
+    assert recording.place == Place.DIRECTORY and len(s3.objects()) == 2
+    path.write_bytes(_data(300))  # the bridge has cut it
+    Recording.objects.update(stays=None)
+    computer.work.work_once()
+    recording.refresh_from_db()
+    assert recording.place == Place.S3 and len(s3.objects()) == 2
+    with stores.open_file(recording) as file:
+        assert file.read() == _data(300)
 
 
 def test_one_process_uploads_from_a_folder(computer: Computer, s3: Storage) -> None:
