@@ -66,5 +66,7 @@ def _entry(row: Row, at_s: float) -> Event:
     what, outcome = wording.label(record.kind), wording.outcome(row.outcome)
     facts = wording.facts([record, row.end] if row.end else [record])
     words = [words for words in (wording.subject(record), outcome, *facts) if words not in ("", what)]
+    if record.kind == "refusal":
+        words = words[:1]  # its sentence says all
     group = record.kind.partition(".")[0]
     return Event(at_s, group, what, " · ".join(words), wording.who(record), is_logged=True)
