@@ -1,6 +1,7 @@
 """Writes an MCAP file so that a cut one can be finished: each chunk, with its index, goes to the file in one write.
 
-Schemas and channels stand before the first chunk that needs them. The summary at the end is made from what the writer
+Schemas and channels stand before the first chunk that needs them. Pictures have chunks of their own: who reads
+anything else reads a small part of the file. The summary at the end is made from what the writer
 remembers; `recovery` makes it from the file.
 """
 
@@ -31,6 +32,8 @@ from mcap.records import (
 )
 from mcap.summary import Summary
 
+from robots.bridge.recorder.ring import is_picture
+
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = "fleet console"
@@ -47,14 +50,26 @@ def taken_from(builder: RecordBuilder) -> bytes:
     return data
 
 
-class _Pieces(list[bytes]):
-    """The messages of a chunk, with their total size."""
+class _Chunk:
+    """The messages of a chunk that is not written yet."""
 
-    size = 0
+    def __init__(self) -> None:
+        self.size = 0
+        self.pieces: list[bytes] = []
+        self.indexes: dict[int, MessageIndex] = {}
+        self.begins = self.ends = 0
 
-    def put(self, *pieces: bytes) -> None:
-        self.extend(pieces)
-        self.size += sum(map(len, pieces))
+    def add(self, channel: int, sequence: int, log_ns: int, data: bytes) -> None:
+        index = self.indexes.get(channel)
+        if index is None:
+            index = self.indexes[channel] = MessageIndex(channel, [])
+        index.records.append((log_ns, self.size))
+        self.begins = min(self.begins, log_ns) if self.pieces else log_ns
+        self.ends = max(self.ends, log_ns)
+        length = _FIXED + len(data)
+        head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_ns, log_ns)
+        self.pieces += head, data
+        self.size += len(head) + len(data)
 
 
 class FileSummary(Summary):
@@ -123,16 +138,15 @@ class McapFile:
         self._stream = stream
         self._compress: Callable[[bytes], bytes] = zstandard.ZstdCompressor(_LEVEL).compress
         self._head = RecordBuilder()  # records before the next chunk
-        self._pieces = _Pieces()
-        self._indexes: dict[int, MessageIndex] = {}
-        self._begins = self._ends = 0
+        self._pictures: set[int] = set()  # channels
+        self._chunks = {False: _Chunk(), True: _Chunk()}  # by whether it has pictures
         self._head.write(MAGIC)
         Header(profile, LIBRARY).write(self._head)
 
     @property
     def waiting(self) -> int:
         """Bytes that wait for `flush`, before compression."""
-        return self._pieces.size
+        return sum(chunk.size for chunk in self._chunks.values())
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema; return its id."""
@@ -146,22 +160,16 @@ class McapFile:
         channel = Channel(len(self.summary.channels) + 1, topic, encoding, metadata, schema)
         self.summary.channels[channel.id] = channel
         channel.write(self._head)
+        if is_picture(self.summary.schemas[schema].name):
+            self._pictures.add(channel.id)
         return channel.id
 
     def add(self, channel: int, sequence: int, log_ns: int, data: bytes) -> None:
         """Add a message, and write the chunk if it is full."""
-        index = self._indexes.get(channel)
-        if index is None:
-            index = self._indexes[channel] = MessageIndex(channel, [])
-        index.records.append((log_ns, self._pieces.size))
-        self._begins = min(self._begins, log_ns) if self._pieces else log_ns
-        self._ends = max(self._ends, log_ns)
-        self._pieces.put(
-            _MESSAGE.pack(Opcode.MESSAGE, _FIXED + len(data), channel, sequence & 0xFFFFFFFF, log_ns, log_ns),
-            data,
-        )
-        if self._pieces.size >= CHUNK_BYTES:
-            self.flush()
+        kind = channel in self._pictures
+        self._chunks[kind].add(channel, sequence, log_ns, data)
+        if self._chunks[kind].size >= CHUNK_BYTES:
+            self._flush(kind)
 
     def metadata(self, name: str, values: dict[str, str]) -> None:
         """Add a record of metadata, and write it with all that waits."""
@@ -172,18 +180,23 @@ class McapFile:
         self._write(taken_from(self._head))
 
     def flush(self) -> None:
-        """Write what waits as one chunk."""
-        if not self._pieces:
-            return
-        data = b"".join(self._pieces)
+        """Write what waits."""
+        for kind, chunk in self._chunks.items():
+            if chunk.pieces:
+                self._flush(kind)
+
+    def _flush(self, kind: bool) -> None:
+        """Write what waits for a chunk."""
+        waits = self._chunks[kind]
+        data = b"".join(waits.pieces)
         packed = self._compress(data)
-        chunk = Chunk("zstd", packed, self._ends, self._begins, zlib.crc32(data), len(data))
+        chunk = Chunk("zstd", packed, waits.ends, waits.begins, zlib.crc32(data), len(data))
         builder = self._head
         chunk_at = builder.count
         chunk.write(builder)
         index_at = builder.count
         offsets = {}
-        for channel, index in self._indexes.items():
+        for channel, index in waits.indexes.items():
             offsets[channel] = self.at + builder.count
             index.write(builder)
         entry = ChunkIndex(
@@ -191,14 +204,14 @@ class McapFile:
             chunk_start_offset=self.at + chunk_at,
             compression="zstd",
             compressed_size=len(packed),
-            message_end_time=self._ends,
+            message_end_time=waits.ends,
             message_index_length=builder.count - index_at,
             message_index_offsets=offsets,
-            message_start_time=self._begins,
+            message_start_time=waits.begins,
             uncompressed_size=len(data),
         )
-        counts = {channel: len(index.records) for channel, index in self._indexes.items()}
-        self._pieces, self._indexes, self._ends = _Pieces(), {}, 0
+        counts = {channel: len(index.records) for channel, index in waits.indexes.items()}
+        self._chunks[kind] = _Chunk()
         self._write(taken_from(builder))
         self.summary.add_chunk(entry, counts)
 
