@@ -24,6 +24,7 @@ MODULES = (
     "growth.growth",
     "driving.network",
     "driving.recording",
+    "views.replay",
     "web.rosbridge",
     "views.scene",
     "simulator",
