@@ -31,7 +31,7 @@ from robots.bridge.recorder.files.file_changes import FileChanges
 from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
-from robots.bridge.served.client import CAMERA, TAP, ProcessClient
+from robots.bridge.served.client import CAMERA, SHELF, TAP, ProcessClient
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.bridge.watchdog.client import WatchdogClient
@@ -79,7 +79,7 @@ class Bridge:
         self._inspector = InspectorClient(
             config, lambda: self._core.tasks.publications.inspector_ended(time.monotonic())
         )
-        self._served = {served.name: ProcessClient(config, served) for served in (CAMERA, TAP)}
+        self._served = {served.name: ProcessClient(config, served) for served in (CAMERA, TAP, SHELF)}
         self._recorder = RecorderClient(config, self._records)
         self._file_changes = FileChanges(config, self._records)
         self._file_cuts = FileCuts(config, self._records)

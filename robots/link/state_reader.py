@@ -13,6 +13,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from uuid import UUID
 
 import msgspec
+from msgspec import structs
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots.link.client import OTHER_PROTOCOL, require_robot
@@ -29,7 +30,7 @@ AT_ONCE = 16  # threads that ask all bridges for one reader; most of a bridge's 
 RecorderOrder = wire.LinkRecord | wire.LinkRecordEnd | wire.LinkKeep
 
 
-class _Connection:
+class Connection:
     """An open connection to the bridge of a robot; `figures` are the bridge's counts from its hello."""
 
     def __init__(self, robot_id: UUID, address: LinkAddress, end_s: float) -> None:
@@ -54,6 +55,13 @@ class _Connection:
         self._socket.send(wire.encode(order), text=True)
         next(report for report in self._reports(end_s) if isinstance(report, wire.Accepted))
 
+    def addresses(self, name: wire.ProcessName, end_s: float) -> Iterator[LinkAddress]:
+        """Yield each address of a process beside the bridge, which runs while this connection is open."""
+        self._socket.send(wire.encode(wire.LinkProcess(name, True)), text=True)
+        for at in self._reports(end_s):
+            if isinstance(at, wire.ProcessAt) and (at.unix_path or at.port):
+                yield structs.replace(self.address, unix_path=at.unix_path, port=at.port)
+
     def _reports(self, end_s: float) -> Iterator[wire.LinkReport]:
         while True:
             report = wire.link_report(self._socket.recv(timeout=max(end_s - time.monotonic(), 0.0)))
@@ -62,35 +70,35 @@ class _Connection:
             yield report
 
 
-_kept: defaultdict[UUID, list[_Connection]] = defaultdict(list)
+_kept: defaultdict[UUID, list[Connection]] = defaultdict(list)
 
 
 def state_once(robot_id: UUID, address: LinkAddress) -> State:
     """Get the robot's current state from its bridge. Raises LinkRefused, after `ANSWER_S` and the time to connect."""
     end_s = time.monotonic() + ANSWER_S
     kept = _kept[robot_id]
-    with _refused_in_words(address):
+    with refused_in_words(address):
         while (connection := _taken(kept, address)) is not None:
             with suppress(ConnectionClosed):  # the bridge has ended since the last question
                 return _ask_and_keep(connection, kept, end_s)
-        return _ask_and_keep(_Connection(robot_id, address, end_s), kept, end_s)
+        return _ask_and_keep(Connection(robot_id, address, end_s), kept, end_s)
 
 
 def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | None, State]:
     """Get the bridge's counts (None: it has none) and the robot's state, by a new connection. Raises LinkRefused."""
     end_s = time.monotonic() + ANSWER_S
-    with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:
+    with refused_in_words(address), closing(Connection(robot_id, address, end_s)) as connection:
         return connection.figures, connection.ask(end_s)
 
 
 def order_once(robot_id: UUID, address: LinkAddress, order: RecorderOrder, within_s: float) -> None:
     """Have a request carried out, by a new connection. Raises LinkRefused, also without an answer in this time."""
     end_s = time.monotonic() + within_s
-    with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:
+    with refused_in_words(address), closing(Connection(robot_id, address, end_s)) as connection:
         connection.order(order, end_s)
 
 
-def _taken(kept: list[_Connection], address: LinkAddress) -> _Connection | None:
+def _taken(kept: list[Connection], address: LinkAddress) -> Connection | None:
     """Take one of the kept connections, or None; close connections to an earlier address of the robot."""
     while kept:
         try:
@@ -103,7 +111,7 @@ def _taken(kept: list[_Connection], address: LinkAddress) -> _Connection | None:
     return None
 
 
-def _ask_and_keep(connection: _Connection, kept: list[_Connection], end_s: float) -> State:
+def _ask_and_keep(connection: Connection, kept: list[Connection], end_s: float) -> State:
     try:
         state = connection.ask(end_s)
     except BaseException:
@@ -117,7 +125,8 @@ def _ask_and_keep(connection: _Connection, kept: list[_Connection], end_s: float
 
 
 @contextmanager
-def _refused_in_words(address: LinkAddress) -> Iterator[None]:
+def refused_in_words(address: LinkAddress) -> Iterator[None]:
+    """Context: errors of a connection are raised as LinkRefused."""
     try:
         yield
     except msgspec.DecodeError as error:

@@ -1,17 +1,19 @@
-"""The files of recordings where they are. Today: on the computer of the bridge, if the web process runs there, too."""
+"""The files of recordings where they are: in the directory of a computer, this or another one, or in a store."""
 
 from __future__ import annotations
 
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 from robots.recordings.away import FileAway
 from robots.recordings.models import Place, Recording
 from robots.recordings.s3.bucket import picture_of
 from robots.recordings.s3.object_file import open_object, read_object
+from robots.recordings.shelf_file import open_on_shelf
+from robots.registry.selectors import link_address
+from robots.shared.wire import RecordingPart
 
-Part = Literal["file", "thumbnail"]
 _PICTURE = ".jpg"
 
 
@@ -25,7 +27,7 @@ def open_thumbnail(recording: Recording) -> BinaryIO:
     return _opened(recording, "thumbnail")
 
 
-def _opened(recording: Recording, part: Part) -> BinaryIO:
+def _opened(recording: Recording, part: RecordingPart) -> BinaryIO:
     match recording.place:
         case Place.DIRECTORY:
             return _in_directory(recording, part)
@@ -36,7 +38,8 @@ def _opened(recording: Recording, part: Part) -> BinaryIO:
             raise FileAway
 
 
-def _in_directory(recording: Recording, part: Part) -> BinaryIO:
+def _in_directory(recording: Recording, part: RecordingPart) -> BinaryIO:
+    """Open a file in the directory here; if it is not here, through the shelf of the bridge's computer."""
     name = recording.file
     if not name or Path(name).name != name or not recording.directory:
         raise FileAway
@@ -44,4 +47,7 @@ def _in_directory(recording: Recording, part: Part) -> BinaryIO:
     try:
         return (path.with_suffix(_PICTURE) if part == "thumbnail" else path).open("rb")
     except OSError as error:
-        raise FileAway from error
+        address = link_address(recording.robot)
+        if address.host is None:  # the bridge is on this computer
+            raise FileAway from error
+        return open_on_shelf(recording.robot_id, address, recording.pk, part)

@@ -34,7 +34,7 @@ HEAD = f"""# Messages, field by field
 Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
 ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the
 name says otherwise. Messages between the console's own processes are in `robots/shared/wire/link.py`,
-`camera.py` and `tap.py` only.
+`camera.py`, `tap.py` and `shelf.py` only.
 
 """
 COMMON = 5  # a field that so many messages have is described once, at the top
@@ -58,6 +58,8 @@ INTERNAL = (
     wire.TakenPicture,
     wire.TapWants,
     wire.TapHeader,
+    wire.ShelfRead,
+    wire.ShelfPart,
     wire.TapState,
 )
 WORDS = {

@@ -23,7 +23,7 @@ from fleet.server import limits
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
 from script.stack.client import Driver, open_socket, sign_in, trust
 from script.stack.places import REPOSITORY
-from tests.processes import free_port
+from tests.processes import free_port, until
 from tests.script.computers import (
     BRIDGE_HOST,
     BRIDGES,
@@ -105,6 +105,33 @@ async def test_people_drive_watch_and_stop_through_any(people: People) -> None:
         await stopper.clear()
         await driver.until(lambda: driver.state and driver.state.stop.state == "clear", NEWS_S)
         await driver.release()
+
+
+async def test_a_recording_of_a_bridge_host_is_read_through_any(computers: Computers, people: People) -> None:
+    async with people.page(SECOND) as driver:
+        await driver.take()
+        await driver.stop()
+        await driver.until(lambda: driver.state and driver.state.stop.state == "stopped", NEWS_S)
+        await driver.clear()
+        await driver.release()
+
+    def read(path: str, **headers: str) -> bytes:
+        connection = http.client.HTTPSConnection(
+            "localhost", computers.port_of(f"front-{SECOND}"), timeout=60.0, context=trust(computers)
+        )
+        connection.request(
+            "GET", f"/api/v1/recordings{path}", headers={"Cookie": people.supervisor, **headers}
+        )
+        return connection.getresponse().read()
+
+    def listed() -> list[dict[str, str]]:
+        found: list[dict[str, str]] = json.loads(read(f"?robot={NEAR}"))["recordings"]
+        return found
+
+    [recording, *_] = await asyncio.to_thread(until, listed, "the stop is recorded", BACK_S)
+    [path] = (computers.directory / BRIDGES / "recordings").glob(f"*-{recording['id']}.mcap")
+    file = await asyncio.to_thread(read, f"/{recording['id']}/file", Range="bytes=1000-")
+    assert file == path.read_bytes()[1000:]
 
 
 @pytest.mark.parametrize("robot", [NEAR, FAR])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -40,6 +41,14 @@ def join(config: BridgeConfig, name: str, at_end: Callable[[], object] = lambda:
         disable_rosout=True,
     )
     start_vital(partial(_end_with_the_master, watch, at_end), "master")
+
+
+@contextmanager
+def joined(name: str, config: BridgeConfig) -> Iterator[None]:
+    """Context: the node under a unique name that begins with `name`."""
+    join(config, name)
+    yield
+    leave()
 
 
 def leave() -> None:

@@ -31,11 +31,12 @@ class Served(NamedTuple):
     name: ProcessName
     ended: Refusal
     hung: Refusal
+    package: str = "robots.bridge.ros"
 
     @property
     def command(self) -> Sequence[str]:
         """The command that starts it."""
-        return sys.executable, "-m", f"robots.bridge.ros.{self.name}"
+        return sys.executable, "-m", f"{self.package}.{self.name}"
 
 
 CAMERA = Served(
@@ -47,6 +48,14 @@ TAP = Served(
     "tap",
     Refusal("tap_ended", "The process that reads topics ended by itself. It is started again.", "robot"),
     Refusal("tap_hung", "The process that reads topics hung. It is started again.", "robot"),
+)
+SHELF = Served(
+    "shelf",
+    Refusal(
+        "shelf_ended", "The process that reads recordings ended by itself. It is started again.", "robot"
+    ),
+    Refusal("shelf_hung", "The process that reads recordings hung. It is started again.", "robot"),
+    "robots.bridge.recorder",
 )
 
 

@@ -2,8 +2,8 @@
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
 run from -1 to 1. The modules: `page`, `fleet`, `tasks`, `limbs`, `navigation`, `state`, `health`, `topics`, `camera`,
-`tap`, `recordings`, `link`; `base` has the shared parts; `codec` and `decoders` decode and validate. An invalid message
-raises `WireError` with the `Refusal` to answer.
+`tap`, `recordings`, `shelf`, `link`; `base` has the shared parts; `codec` and `decoders` decode and validate. An
+invalid message raises `WireError` with the `Refusal` to answer.
 
 The bridge encodes a view (`View`) once, and the web process forwards the bytes without decoding them. On the link,
 views are the only binary frames.
@@ -21,6 +21,7 @@ from robots.shared.wire.link import *
 from robots.shared.wire.navigation import *
 from robots.shared.wire.page import *
 from robots.shared.wire.recordings import *
+from robots.shared.wire.shelf import *
 from robots.shared.wire.state import *
 from robots.shared.wire.tap import *
 from robots.shared.wire.tasks import *

@@ -11,6 +11,7 @@ from robots.shared.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pon
 from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
 from robots.shared.wire.codec import MessageDecoder
 from robots.shared.wire.navigation import GoPath
+from robots.shared.wire.shelf import ShelfRead
 from robots.shared.wire.state import Offers, View
 from robots.shared.wire.tap import TapWants
 from robots.shared.wire.tasks import TaskRequest
@@ -65,6 +66,7 @@ topics_message = MessageDecoder[TopicsMessage](TopicsMessage)
 camera_message = MessageDecoder[CameraMessage](CameraMessage)
 camera_request = MessageDecoder[CameraRequest](CameraRequest)
 tap_request = MessageDecoder[TapWants](TapWants, largest_bytes=256 * 1024)
+shelf_request = MessageDecoder[ShelfRead](ShelfRead)
 fleet_message = MessageDecoder[FleetMessage](FleetMessage)
 link_request = MessageDecoder[link.LinkRequest](link.LinkRequest)
 # Reports have no size limit; an invalid report raises `msgspec.DecodeError`.

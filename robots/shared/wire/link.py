@@ -24,7 +24,7 @@ from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
 from robots.shared.wire.tasks import Publish, TaskRequest
 from robots.shared.wire.topics import DoorQuery, TopicQuery
 
-ProcessName = Literal["camera", "tap"]  # that serve web processes themselves
+ProcessName = Literal["camera", "tap", "shelf"]  # that serve web processes themselves
 
 
 class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):

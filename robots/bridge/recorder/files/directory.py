@@ -168,6 +168,12 @@ class RecordingDirectory:
         found = (_NAME.fullmatch(path.stem) for path in self._with(FILE))
         return {UUID(name[3]) for name in found if name is not None}
 
+    def find(self, recording: UUID) -> Path:
+        """Return the finished file of a recording. Raises OSError."""
+        for path in self.path.glob(f"*-{recording}{FILE}"):
+            return path
+        raise FileNotFoundError(errno.ENOENT, "there is no such recording", str(recording))
+
     def keep(self, recording: UUID) -> None:
         """Keep a recording: it is not removed for newer ones."""
         for path in self.path.glob(f"*-{recording}{FILE}"):

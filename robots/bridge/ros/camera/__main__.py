@@ -1,11 +1,14 @@
-"""``python -m robots.bridge.ros.camera``: see `robots.bridge.ros.served_process`."""
+"""``python -m robots.bridge.ros.camera``: see `robots.bridge.served.process`."""
 
 from __future__ import annotations
 
+from functools import partial
+
 from robots.bridge.camera.picture_server import PictureServer
 from robots.bridge.ros.camera.producer import Producer
-from robots.bridge.ros.served_process import Call, run
+from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.vital import start_vital
+from robots.bridge.served.process import Call, run
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.ros.master import CAMERA
 
@@ -31,4 +34,4 @@ def begin(config: BridgeConfig, call: Call) -> Producer:
 
 
 if __name__ == "__main__":
-    run(CAMERA, NICE, MOST_BYTES, begin)
+    run("camera", NICE, MOST_BYTES, begin, partial(joined, CAMERA))

@@ -1,13 +1,15 @@
-"""``python -m robots.bridge.ros.tap``: see `robots.bridge.ros.served_process`."""
+"""``python -m robots.bridge.ros.tap``: see `robots.bridge.served.process`."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
+from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.served_process import Call, run
 from robots.bridge.ros.tap.source import Source
 from robots.bridge.ros.vital import start_vital
+from robots.bridge.served.process import Call, run
 from robots.bridge.tap.tap_server import TapServer
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.ros.master import TAP
@@ -29,4 +31,4 @@ def begin(config: BridgeConfig, call: Call) -> Source:
 
 
 if __name__ == "__main__":
-    run(TAP, NICE, MOST_BYTES, begin)
+    run("tap", NICE, MOST_BYTES, begin, partial(joined, TAP))

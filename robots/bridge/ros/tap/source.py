@@ -15,8 +15,8 @@ from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.raw_topic import MOST_PUBLISHERS, RawTopic, Speaker
-from robots.bridge.ros.served_process import Call
 from robots.bridge.ros.tap.pace import Pace
+from robots.bridge.served.process import Call
 from robots.bridge.tap.arrivals import Arrival, Inbox, Kind, Publisher
 from robots.bridge.tap.tap_server import TapServer, Wanted
 from robots.shared.messages.whole import Encode, cbor_encoder, json_encoder

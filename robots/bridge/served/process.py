@@ -1,8 +1,8 @@
-"""The main part of a process beside the bridge that serves web processes: camera process and tap.
+"""The main part of a process beside the bridge that serves web processes: camera process, tap and shelf.
 
 It reads the bridge's config from the first line of stdin, writes the address on which it listens as a JSON line, and
 repeats this line as a sign of life. The bridge answers each line with the robot's clock. The process ends when stdin
-ends or the robot's master dies. The bridge starts another process when it needs one.
+ends or, if it has a node, the robot's master dies. The bridge starts another process when it needs one.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, Protocol
 
 import msgspec
 
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros import child_node
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.served.client import SILENCE_S
 from robots.bridge.served.server import ProcessServer
@@ -45,23 +44,24 @@ class Serving(Protocol):
 
 
 Call = Callable[..., None]  # calls its first argument on the event loop, with the others; from any thread
+Begin = Callable[[BridgeConfig, Call], Serving]
+Joined = Callable[[BridgeConfig], AbstractContextManager[object]]
 
 
-def run(name: str, nice: int, most_bytes: int, begin: Callable[[BridgeConfig, Call], Serving]) -> None:
-    """Run until stdin ends. `name`: prefix of the node's name; `nice`: commands to the robot go first."""
-    logging.basicConfig(format=f"{name.rpartition('_')[2]}: %(message)s")
+def run(name: str, nice: int, most_bytes: int, begin: Begin, joined: Joined = nullcontext) -> None:
+    """Run until stdin ends. `nice`: commands to the robot go first. `joined`: context of the robot's network."""
+    logging.basicConfig(format=f"{name}: %(message)s")
     logging.getLogger("robots").setLevel(logging.INFO)
     for number in (signal.SIGTERM, signal.SIGINT):  # the bridge handles them; its end closes our stdin
         signal.signal(number, signal.SIG_IGN)
     os.nice(nice)
     limit_memory(most_bytes)
     config = msgspec.json.decode(sys.stdin.buffer.readline(), type=BridgeConfig)
-    child_node.join(config, name)
-    asyncio.run(_serve(config, begin))
-    child_node.leave()
+    with joined(config):
+        asyncio.run(_serve(config, begin))
 
 
-async def _serve(config: BridgeConfig, begin: Callable[[BridgeConfig, Call], Serving]) -> None:
+async def _serve(config: BridgeConfig, begin: Begin) -> None:
     loop = asyncio.get_running_loop()
 
     def call(work: Callable[..., None], *given: Any) -> None:
