@@ -74,7 +74,7 @@ def settings_of(environment: Mapping[str, str] = os.environ) -> Iterator[Entry]:
     own.pop(PASSPHRASE, None)
     lines = [f"{name}={shlex.quote(value)}\n" for name, value in own.items()]
     yield Entry(f"{SETTINGS}/fleet.env", "".join(lines).encode())
-    for name in ("FLEET_LINK_CA", "FLEET_LINK_CERT", "FLEET_LINK_KEY"):
+    for name in ("FLEET_LINK_CA", "FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_S3_SECRET_FILE"):
         if value := own.get(name, "").strip():
             yield Entry(f"{SETTINGS}/{name}", Path(value))
 

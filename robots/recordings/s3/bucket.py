@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -74,9 +75,15 @@ class Bucket:
 
     # --- objects ----------------------------------------------------------------------------------------
 
-    def keys(self, beginning: str) -> list[str]:
-        """Return the keys of objects that begin like this; of at most 1,000."""
-        return [one["Key"] for one in self._ask("list_objects_v2", Prefix=beginning).get("Contents", [])]
+    def keys(self, beginning: str) -> Iterator[str]:
+        """Yield the keys of objects that begin like this."""
+        after: dict[str, str] = {}
+        while True:
+            answer = self._ask("list_objects_v2", Prefix=beginning, **after)
+            yield from (one["Key"] for one in answer.get("Contents", []))
+            if not answer.get("IsTruncated"):
+                return
+            after = {"ContinuationToken": answer["NextContinuationToken"]}
 
     def find(self, key: str) -> Found:
         """Return what an object is. Raises `NotThere`."""

@@ -57,7 +57,7 @@ def forget(bucket: Bucket, key: str) -> None:
 
 def forget_others(bucket: Bucket, family: str, kept: Collection[str]) -> None:
     """Remove the objects of a recording but these."""
-    for key in bucket.keys(family):
+    for key in list(bucket.keys(family)):
         if key not in kept:
             bucket.remove(key)
 

@@ -330,6 +330,14 @@ def test_the_check_of_a_store_that_works_and_of_a_missing_bucket(
     settings.FLEET_S3 = s3.store
     call_command("check_store")
     assert "takes, gives and removes" in capsys.readouterr().out and s3.objects() == []
+    strange = f"lab/20261102T090000Z-by_hand-{uuid4()}.1a2b.mcap"
+    for key in (strange, "lab/notes.txt"):
+        s3.ask("put_object", Key=key, Body=b"")
+    call_command("check_store")
+    assert "belong to no recording: 1. --remove" in capsys.readouterr().out
+    call_command("check_store", "--remove")
+    assert s3.objects() == ["lab/notes.txt"]
+    s3.ask("delete_object", Key="lab/notes.txt")
     s3.ask("delete_bucket")
     with pytest.raises(CommandError, match=f"no bucket {s3.store.bucket}"):
         call_command("check_store")
