@@ -31,3 +31,15 @@ def test_lichtblick_reads_the_robot_and_reaches_nothing_else(person: Arrive) -> 
     for tried in BLOCKED:
         expect(shown).to_have_attribute(f"data-{tried}", "blocked")
     opened.value.close()
+
+
+def test_tabs_on_a_phone_held_sideways_begin_below_the_header(person: Arrive) -> None:
+    """In the centre the header lies on the camera's picture."""
+    observer = person("observer", apart=True, width=844, height=390, touch=True)
+    observer.watch(ROBOT)
+    for tab in ("Topics", "Speech"):
+        observer.page.get_by_role("tab", name=tab).click()
+        header = observer.page.locator(".top").bounding_box()
+        heading = observer.page.locator("main h2:visible").first.bounding_box()
+        assert header and heading
+        assert heading["y"] >= header["y"] + header["height"], tab
