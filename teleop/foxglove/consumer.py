@@ -82,9 +82,9 @@ class FoxgloveConsumer(RobotSocket):
             return
         if "user" not in self.scope:
             refused = self.scope.get("refused")
-            text = refused.text if isinstance(refused, TokenInvalid) else _SIGN_IN.text
-            await self._status(protocol.ERROR, text)
-            await self.close(CloseCode.SIGNED_OUT, text[:120])
+            why = refused if isinstance(refused, TokenInvalid) else _SIGN_IN
+            await self._status(protocol.ERROR, _worded(why))
+            await self.close(CloseCode.SIGNED_OUT, why.text[:120])
             return
         entry = await self.join(Scope.TOPICS)
         if entry is None:
@@ -297,5 +297,5 @@ class FoxgloveConsumer(RobotSocket):
             await self.send_bytes(frame)
 
 
-def _worded(refusal: Refusal) -> str:
+def _worded(refusal: Refusal | TokenInvalid) -> str:
     return f"{refusal.code}: {refusal.text}"

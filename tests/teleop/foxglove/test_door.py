@@ -209,6 +209,15 @@ async def test_token_without_the_scope_is_refused(connect):
     assert await client.is_closed() == CloseCode.NOT_PERMITTED
 
 
+@pytest.mark.parametrize(
+    ("headers", "code"), [([], "sign_in_first"), ([(b"authorization", b"Bearer nothing")], "token_invalid")]
+)
+async def test_who_is_not_signed_in_is_told_why(headers, code, connect):
+    client = await connect(headers=headers)
+    assert (await client.next("status"))["message"].startswith(f"{code}: ")
+    assert await client.is_closed() == CloseCode.SIGNED_OUT
+
+
 async def test_client_without_the_subprotocol_is_told(robot, connect):
     page = Page((await connect())._socket.scope["headers"], f"/foxglove/{robot.slug}")
     await page.open()
