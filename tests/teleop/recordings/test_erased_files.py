@@ -131,6 +131,7 @@ def test_a_recording_that_only_names_the_person_loses_the_name(
     name = operator.display_name
     recording = made(person=str(staff.pk), events=[stop(5, name)], reason=f"{name} asked for it")
     account_erase(user=operator, actor=staff)
+    assert name.encode() not in content(get(staff, recording, "/file"))  # the file still has it
     cut_now()
     seconds, about = parts_of(Path(recording.directory, recording.file).read_bytes())
     assert seconds == list(range(10)) and about.person == str(staff.pk)
