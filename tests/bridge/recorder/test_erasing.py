@@ -19,6 +19,7 @@ from robots.bridge.recorder.erasing.__main__ import cut_file
 from robots.bridge.recorder.erasing.file_cuts import EVERY_S, FIRST_S, FileCuts
 from robots.bridge.recorder.erasing.nameless import Nameless
 from robots.bridge.recorder.files.finished_files import read
+from robots.bridge.recorder.files.mcap_file import McapFile
 from robots.bridge.recorder.recorder_messages import ChainEvent
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import RecordingPlace
@@ -106,6 +107,25 @@ def test_a_file_loses_a_session_and_names(path: Path) -> None:
 def test_what_was_latched_before_comes_with_what_stays(path: Path) -> None:
     cut_file(FileCut(taken(path), [(4 * SECOND, END)]))
     assert seconds_of(path, "/map") == [4] and seconds_of(path, "/camera") == [4, 5, 6, 7, 8, 9]
+
+
+def test_what_was_latched_comes_although_its_chunk_is_late(tmp_path: Path) -> None:
+    path = tmp_path / NAME.format(uuid4())
+    with path.open("wb", buffering=0) as stream:
+        file = McapFile(stream, "ros1")
+        channels = {
+            topic: file.channel(topic, "ros1", file.schema("a/B", "ros1msg", b""), {"latching": latching})
+            for topic, latching in (("/map", "1"), ("/odom", "0"))
+        }
+        for topic, second in (("/map", 1), ("/odom", 6), ("/map", 4), ("/odom", 2)):
+            file.add(channels[topic], second, second * SECOND, b"")
+            file.flush()
+        file.finish()
+    cut_file(FileCut(taken(path), [(5 * SECOND, 5 * SECOND + 1), (6 * SECOND, END)]))
+    with path.open("rb") as stream:
+        found = list(make_reader(stream).iter_messages())
+    assert [message.log_time for *_, message in found] == [5 * SECOND, 6 * SECOND, 6 * SECOND][-len(found) :]
+    assert [message.sequence for _, channel, message in found if channel.topic == "/map"][-1] == 4
 
 
 def test_a_file_of_which_nothing_stays_is_removed(path: Path) -> None:

@@ -70,7 +70,7 @@ class _Rest:
         self._file = file
         self._stays = stays
         self._begun: set[int] = set()  # beginnings of times that have a message
-        self._latched: dict[int, Message] = {}  # by channel: the last one that does not stay
+        self._latched: dict[int, Message] = {}  # by channel, for the next time that stays
         self._written: dict[int, int] = {}  # ids in the new file, by those in the old one
         self._new_schemas: dict[int, int] = {}
         self._counts: Counter[int] = Counter()
@@ -78,21 +78,28 @@ class _Rest:
 
     def take(self, message: Message) -> None:
         """Take the next message of the old file."""
-        channel, at_ns = self.channels[message.channel_id], message.log_time
-        is_latched = channel.metadata.get("latching") == "1"
+        at_ns = message.log_time
         begin_ns = next((begin for begin, end in self._stays if begin <= at_ns < end), None)
         if begin_ns is None:
-            if is_latched:
-                self._latched[channel.id] = message
+            if self.channels[message.channel_id].metadata.get("latching") == "1":
+                self._latch(message)
             return
-        if is_latched:
-            self._latched.pop(channel.id, None)
         if begin_ns not in self._begun:
             self._begun.add(begin_ns)
-            for latched in self._latched.values():
-                self._add(latched, max(begin_ns, latched.log_time))
-            self._latched.clear()
+            for latched in [one for one in self._latched.values() if one.log_time < begin_ns]:
+                self._add(self._latched.pop(latched.channel_id), begin_ns)
         self._add(message, at_ns)
+
+    def _latch(self, message: Message) -> None:
+        """Keep a latched message that does not stay for the next time that does.
+
+        Chunks are not in the order of time, so that time may have begun.
+        """
+        later = [begin_ns for begin_ns in self._begun if begin_ns > message.log_time]
+        if later:
+            self._add(message, min(later))
+        else:
+            self._latched[message.channel_id] = message
 
     def _add(self, message: Message, at_ns: int) -> None:
         channel = self.channels[message.channel_id]
