@@ -1,4 +1,4 @@
-"""What the log says of a recording's time: within the parts that a person sees, and as far as they read the log."""
+"""Records of the log about a recording's time, within the parts that a person sees and the records they may read."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ FileChange = Literal["remove", "keep", "let_go"]
 
 
 class FileCut(Struct, frozen=True):
-    """What stays of a file in which people are who were erased.
+    """The rest of a file that shows erased people.
 
     `taken`: what its metadata say from then on; after the cut also times, topics and size of the file, which is removed
     (0 bytes) if nothing stays.

@@ -1,4 +1,4 @@
-"""What clients of a robot send each other: calls of services, goals of actions, messages of topics."""
+"""Letters that clients of a robot send each other: calls of services, goals of actions, messages of topics."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Address(Struct, frozen=True):
 
 
 class Offer(Struct, frozen=True):
-    """What a client offers to others, by its one name under /fleet/clients/."""
+    """An offer of a client to others, by its one name under /fleet/clients/."""
 
     kind: Kind
     name: str

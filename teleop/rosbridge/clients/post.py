@@ -47,7 +47,7 @@ class _Sent(Struct, frozen=True, tag=True):
 
 
 class _Told(Struct, frozen=True, tag=True):
-    """What the clients of a web process offer. `asks`: it does not know yet what others offer."""
+    """The offers of the clients of a web process. `asks`: it does not know yet what others offer."""
 
     process: str
     channel: str

@@ -1,4 +1,4 @@
-"""What the black box keeps: each event once, and nothing that was so before control began."""
+"""Events that the black box keeps: each event once, and nothing that was so before control began."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-// What pages on an unchanged roslibjs do, one after the other. Run by `test_rosbridge.py`: address, then tokens.
+// Steps of pages on an unchanged roslibjs, one after the other. Run by `test_rosbridge.py`: address, then tokens.
 // Each step checks what its client sees, and prints its name.
 import assert from "node:assert/strict";
 import { Action, ActionClient, Goal, Param, Ros, Service, TFClient, Topic } from "roslib";

@@ -1,4 +1,4 @@
-"""What scripts on an unchanged roslibpy do, one after the other. Run by `test_rosbridge.py`: address, then tokens.
+"""Steps of scripts on an unchanged roslibpy, one after the other. Run by `test_rosbridge.py`: address, then tokens.
 
 Each step checks what its client sees, and prints its name.
 """

@@ -50,7 +50,7 @@ TEXTS = {
 
 
 class Robot:
-    """What the robot behind the fake bridge answers."""
+    """Answers of the robot behind the fake bridge."""
 
     def __init__(self) -> None:
         self.rows = list(ROWS)

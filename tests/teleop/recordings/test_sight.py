@@ -1,4 +1,4 @@
-"""Who sees which part of a recording, and who may change it."""
+"""The parts of a recording that each person sees, and the right to change it."""
 
 from __future__ import annotations
 
