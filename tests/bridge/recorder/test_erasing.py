@@ -16,10 +16,11 @@ import pytest
 from mcap.reader import make_reader
 
 from robots.bridge.recorder.erasing.__main__ import cut_file
-from robots.bridge.recorder.erasing.file_cuts import EVERY_S, FIRST_S, FileCuts
+from robots.bridge.recorder.erasing.file_cuts import FIRST_S, FileCuts
 from robots.bridge.recorder.erasing.nameless import Nameless
 from robots.bridge.recorder.files.finished_files import read
 from robots.bridge.recorder.files.mcap_file import McapFile
+from robots.bridge.recorder.files.rounds import EVERY_S
 from robots.bridge.recorder.recorder_messages import ChainEvent
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import RecordingPlace

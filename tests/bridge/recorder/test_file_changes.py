@@ -10,7 +10,8 @@ from uuid import UUID, uuid4
 import pytest
 
 from robots.bridge.recorder.files.directory import RecordingDirectory
-from robots.bridge.recorder.files.file_changes import EVERY_S, FIRST_S, FileChanges
+from robots.bridge.recorder.files.file_changes import FIRST_S, FileChanges
+from robots.bridge.recorder.files.rounds import EVERY_S
 from robots.shared.configuration.bridge_config import RecordingPlace
 
 
