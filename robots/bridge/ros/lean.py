@@ -1,14 +1,16 @@
 """Keeps out of bridge and watchdog what rospy and its parts import and they never use: one of each runs for each robot.
 
 All of it is optional to who imports it: of roslib rospy asks only whether a shell uses it, which it is told; pydoc
-describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages; without numpy genpy knows
-no numpy numbers, without ssl there is no TLS, without OpenSSL hashlib computes by itself, without bz2 and lzma shutil
-packs less. Packages of messages import all their classes; here they import each one when it is asked for.
+describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages, the names of HTML's
+entities are read nowhere; without numpy genpy knows no numpy numbers, without ssl there is no TLS, without OpenSSL
+hashlib computes by itself, without bz2 and lzma shutil packs less, without typing_extensions msgspec asks typing.
+Packages of messages import all their classes; here they import each one when it is asked for.
 """
 
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -16,8 +18,19 @@ from typing import Any
 
 import robots.shared.ros  # noqa: F401  (makes ROS importable)
 
-EMPTY = ("pydoc", "roslib", "xml.dom", "xml.dom.minidom")
-MESSAGES = ("actionlib_msgs", "geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
+EMPTY = ("html.entities", "pydoc", "roslib", "xml.dom", "xml.dom.minidom")
+MESSAGES = (
+    "actionlib_msgs",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "move_base_msgs",
+    "nav_msgs",
+    "rosgraph_msgs",
+    "sensor_msgs",
+    "std_msgs",
+    "tf2_msgs",
+    "trajectory_msgs",
+)
 
 
 def leave_out(*modules: str) -> None:
@@ -27,11 +40,13 @@ def leave_out(*modules: str) -> None:
 
 def lighten() -> None:
     """Leave out what neither process needs. Call this first."""
-    leave_out("_hashlib", "bz2", "lzma")
+    leave_out("_hashlib", "bz2", "lzma", "typing_extensions")
     sys.modules |= {name: ModuleType(name) for name in EMPTY}
     sys.modules["pydoc"].HTMLDoc = object  # type: ignore[attr-defined]  # the base of a class
+    sys.modules["html.entities"].html5 = {}  # type: ignore[attr-defined]
     for package in MESSAGES:
-        sys.modules[f"{package}.msg"] = import_module(package).msg = _Messages(package)  # type: ignore[attr-defined]
+        with suppress(ModuleNotFoundError):  # not all robots need all of them
+            sys.modules[f"{package}.msg"] = import_module(package).msg = _Messages(package)  # type: ignore[attr-defined]
 
 
 class _Messages(ModuleType):
