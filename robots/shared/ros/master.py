@@ -8,7 +8,7 @@ import time
 import xmlrpc.client
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
@@ -21,6 +21,7 @@ TIMEOUT_S = 1.0
 WHOLE_S = 5.0  # a whole call: an answer may have a hundred kilobytes and come by slow radio
 LARGEST_ANSWER = 64 * 1024 * 1024  # bytes read from the network
 MOST_VALUES = 500_000  # in an answer
+REMEMBERED = 64 * 1024  # bytes: only a smaller answer is remembered
 INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
 CAMERA = "/fleet_camera"  # the same for camera processes
 TAP = "/fleet_tap"  # the same for taps
@@ -74,13 +75,24 @@ class _Reader(xmlrpc.client.Unmarshaller):
             self._room -= len(text)
 
 
+class _Answer(NamedTuple):
+    """A whole answer, and what it means: a master mostly answers the same as before."""
+
+    raw: bytes | None
+    value: Any
+
+
+_NONE = _Answer(None, None)
+
+
 class _Transport(xmlrpc.client.Transport):
     """Transport of one call: each wait takes at most `timeout_s`, the whole call at most `WHOLE_S`."""
 
     accept_gzip_encoding = False
 
-    def __init__(self, timeout_s: float, longest: int) -> None:
+    def __init__(self, timeout_s: float, longest: int, before: _Answer = _NONE) -> None:
         super().__init__()
+        self.answer = before
         self._timeout_s = timeout_s
         self._longest = longest
         self._until_s = time.monotonic() + WHOLE_S
@@ -100,7 +112,19 @@ class _Transport(xmlrpc.client.Transport):
     def parse_response(self, response: Any) -> Any:
         if response.getheader("Content-Encoding"):
             raise xmlrpc.client.ResponseError("the answer is compressed, which was not requested")
-        return super().parse_response(response)
+        raw = response.read(REMEMBERED)
+        if raw == self.answer.raw:
+            return self.answer.value
+        parser, reader = self.getparser()
+        parser.feed(raw)
+        is_whole = True
+        while more := response.read(REMEMBERED):
+            parser.feed(more)
+            is_whole = False
+        parser.close()
+        value = reader.close()
+        self.answer = _Answer(raw, value) if is_whole and len(raw) < REMEMBERED else _NONE
+        return value
 
 
 class _Socket(socket.socket):
@@ -151,6 +175,7 @@ class Master:
         self.uri = uri
         self._caller = caller
         self._timeout_s = timeout_s
+        self._answers = {"getSystemState": _NONE, "getTopicTypes": _NONE}
 
     def alive(self) -> None:
         """Return if the master answers, else raise MasterError."""
@@ -186,9 +211,11 @@ class Master:
     def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:
         """Call a method of the master (or slave) API; return its value, with texts cut at `longest`."""
         try:
-            transport = _Transport(self._timeout_s, longest)
+            transport = _Transport(self._timeout_s, longest, self._answers.get(method, _NONE))
             with xmlrpc.client.ServerProxy(self.uri, transport=transport) as proxy:
                 code, text, value = getattr(proxy, method)(self._caller, *arguments)
+            if method in self._answers:
+                self._answers[method] = transport.answer
         except socket.gaierror as error:
             host = urlsplit(self.uri).hostname
             raise MasterError(

@@ -29,7 +29,7 @@ from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce
 from robots.shared.ros import texts
-from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.master import Master, MasterError, _Transport
 from tests.processes import REPOSITORY, serving
 from tests.ros import strangers
 from tests.ros.network.test_hostile_nodes import answering
@@ -50,6 +50,20 @@ def test_every_text_of_a_masters_answer_is_cut_as_it_comes():
     with answering(answer_of([[["/key_vel", [f"/{LONG}"]]], [], []])) as uri:
         [[_, [node]]], _, _ = Master(uri, "/test").call("getSystemState")
     assert len(node) == texts.ANSWER
+
+
+def test_an_answer_like_the_one_before_is_not_read_again(monkeypatch):
+    answers = [answer_of([[["/key_vel", ["/mux"]]], [], []]), answer_of([[["/key_vel", ["/other"]]], [], []])]
+    read = []
+    whole = _Transport.getparser
+    monkeypatch.setattr(_Transport, "getparser", lambda transport: read.append(1) or whole(transport))
+    with answering(answers[0]) as first, answering(answers[1]) as second:
+        master = Master(first, "/test")
+        found = [master.call("getSystemState") for _ in range(3)]
+        master.uri = second
+        found.append(master.call("getSystemState"))
+    assert [nodes[0][0][1] for nodes in found] == [["/mux"]] * 3 + [["/other"]]
+    assert len(read) == 2
 
 
 def test_a_robots_description_is_not_cut():
