@@ -44,6 +44,8 @@ def test_points_stay_the_same_until_a_source_or_the_pose_changes():
 
     trail.add(0.3, Pose(1.0, 0.0, 0.0), STILL)
     again = cache.obstacles(0.3)
+    trail.add(0.4, Pose(1.0, 0.0, 0.0), STILL)
+    assert cache.obstacles(0.4) is again, "odometry that shows no motion changes nothing"
     assert again.points[:, 0].tolist() == [0.0, 2.0]
     assert [again.names[source] for source in again.source] == ["laser", "sonar"]
 

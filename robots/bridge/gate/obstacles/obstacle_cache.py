@@ -31,7 +31,7 @@ class ObstacleCache:
         self._counts: list[int] = []
         self._rows = self._numbers[:0]  # the source of each point
         self._places = NO_POINTS  # the points of all sources, odometry frame
-        self._trail_revision = -1
+        self._base = ORIGIN  # of `_newest`
         self._newest: Obstacles | None = None
         self._corridors: Corridors | None = None
         self._met: list[int] = []  # rows of the last corridors that were in a box
@@ -45,11 +45,11 @@ class ObstacleCache:
             counts = [len(part) for part in parts]
             if counts != self._counts:
                 self._counts, self._rows = counts, self._numbers.repeat(counts)
-        if self._newest is None or self._trail_revision != self._trail.revision:
-            self._trail_revision = self._trail.revision
+        base = self._trail.newest or ORIGIN
+        if self._newest is None or base != self._base:
             if self._corridors is not None:
                 self._met = self._corridors.met
-            self._newest, self._corridors = self._at(self._trail.newest or ORIGIN), None
+            self._base, self._newest, self._corridors = base, self._at(base), None
         return self._newest
 
     def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
