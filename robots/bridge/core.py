@@ -343,11 +343,19 @@ class Core:
         self._gate.latency.follow_clock(simulated=simulated)
 
     def odometry(
-        self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float, run: int = 0
+        self,
+        stamp_s: float,
+        arrival_s: float,
+        pose: Pose,
+        velocity: Velocity,
+        wall_s: float,
+        run: int = 0,
+        messages: int = 1,
     ) -> None:
         """Take one odometry message; `wall_s` is this computer's time of day at arrival, for the clock skew.
 
-        `run` differs for another publisher and for another run of the robot's master.
+        `run` differs for another publisher and for another run of the robot's master. The message is the newest of so
+        many `messages` that came together.
         """
         if not all(math.isfinite(value) for value in (*pose, *velocity)):
             self.refused["odometry_not_finite"] += 1
@@ -358,18 +366,21 @@ class Core:
         if self.tasks.navigation.driving_requester:
             # After a silence, messages arrive in a burst. The first are old: the robot only seems slow.
             self._miss_sensors(arrival_s)
-        if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
+        if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity, messages):
             return  # repeated or out of order: ignore it
+        before = self.reports.odometry
         self.reports.moved(pose, velocity, arrival_s, stamp_s - wall_s)
         self._drives.moved(pose, velocity, arrival_s)
         self.tasks.drives_by.moved(pose)
         self.tasks.navigation.moved(pose, velocity, arrival_s)
         if self.tasks.navigation.driving_requester:
             self._judge_navigation(arrival_s)
-        self._report_changes()
+        if before is None or before[1:] != (pose, velocity):  # else obstacles are where they were
+            self._report_changes()
 
-    def laser(self, scan: LaserScan) -> None:
-        self._gate.observe_scan(scan)
+    def laser(self, scan: LaserScan, *, thins: bool = False) -> None:
+        """Take a scan. `thins`: nobody looks at the robot, and it stands."""
+        self._gate.observe_scan(scan, thins and not self.needs_fresh_sensors)
         self._report_changes()
         self._on_scan()
 

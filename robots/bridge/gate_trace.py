@@ -102,7 +102,7 @@ def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterato
     for number, frame in enumerate(frames, 1):
         try:
             method, given, answer = _decoder.decode(frame)
-            kinds = arguments[method]
+            kinds = arguments[method][: len(given)]  # an older trace has fewer
             args = [_converted(value, kind) for value, kind in zip(given, kinds, strict=True)]
         except (KeyError, TypeError, ValueError, msgspec.MsgspecError) as error:
             raise BadTrace(f"{path.name}: call {number} cannot be decoded: {error}") from error

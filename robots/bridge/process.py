@@ -56,6 +56,8 @@ log = logging.getLogger(__name__)
 # Memory limit: the bridge needs a fifth of it; the inspector has its own limit.
 MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
+# Between ticks while nothing is sent to the base, and somebody looks; nobody looks
+WATCHED_S, REST_S = 0.1, 0.2
 _VIEW_GAP_S = 0.05  # while a page watches: a view with each scan, at most this often
 _VIEW_LATEST_S = 0.15  # and at least this often, also without scans
 PATH_GAP_S = 1.0
@@ -103,7 +105,7 @@ class Bridge:
             self._keep_map,
             gone=lambda why: self._core.tasks.navigation.unmapped(why, time.monotonic()),
         )
-        self._lease_orders = LeaseOrders(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
+        self._lease_orders = LeaseOrders(self._core, store, saved.fence, self._changed)
         handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._served, self._recorder)
         self._links = LinkServer(
             config.link, handler.opened, handler.received, handler.closed, handler.handle
@@ -115,7 +117,7 @@ class Bridge:
         )
         self._goal = saved.goal  # navigation's goal in the state file
         self._ended = False
-        self._rests = True
+        self._rests = False
         self._wake = asyncio.Event()
         self._exit_code = 0
         self._last_news: tuple[object, ...] = ()
@@ -189,28 +191,35 @@ class Bridge:
         loop = asyncio.get_running_loop()
         due_s = time.monotonic()
         while not self._ended:
+            # read sensors and commands before the dead-man is checked: they wait after a stall
+            self._soon(self._base.mail.take_waiting)
+            await asyncio.sleep(0.0)
             now_s = time.monotonic()
-            if self._ticks(now_s, now_s - due_s):
-                # read sensors and commands before the dead-man is checked: they wait after a stall
-                self._soon(self._base.mail.take_waiting)
-                await asyncio.sleep(0.0)
-                now_s = time.monotonic()
-                self._tick(now_s, now_s - due_s)
+            self._tick(now_s, now_s - due_s)
             self._beat(now_s)
+            self._rests = self._may_rest(now_s)
             # after a stall, do not repeat the missed ticks
-            due_s = max(due_s, now_s - TICK_S) + TICK_S
+            rest_s = WATCHED_S if self._base.watched else REST_S
+            due_s = max(due_s, now_s - TICK_S) + (rest_s if self._rests else TICK_S)
             alarm = loop.call_at(due_s, self._wake.set)
             await self._wake.wait()
             self._wake.clear()
             alarm.cancel()
+            due_s = min(due_s, time.monotonic())  # a change wakes it earlier
 
-    def _ticks(self, now_s: float, late_s: float) -> bool:
-        """Return whether to tick now: every second time while nothing is sent to the base; always if late."""
+    def _may_rest(self, now_s: float) -> bool:
+        """Return whether ticks may be seldom: nothing is sent to the base, and nothing drives it."""
         core = self._core
-        self._rests = not (
-            self._rests or late_s >= TICK_S or core.needs_fresh_sensors or core.publishing(now_s)
-        )
-        return not self._rests
+        return not (core.needs_fresh_sensors or core.publishing(now_s) or core.drives_itself)
+
+    def _changed(self) -> None:
+        """Tell the watchdog at once that control or the stop changed, and end the rest."""
+        now_s = time.monotonic()
+        self._beat(now_s)
+        self._base.hurry(self._core.needs_fresh_sensors)
+        if self._rests and not self._may_rest(now_s):
+            self._rests = False
+            self._wake.set()
 
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)
@@ -218,6 +227,8 @@ class Bridge:
             self._goal = goal
             self._lease_orders.save_latch()
         grant = self._core.lease.current
+        self._base.hurry(self._core.needs_fresh_sensors)
+        self._base.watched = self._recorder.wants_view or any(link.watchers for link in self._links.links)
         self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(
             grant.fence if grant else None,

@@ -749,12 +749,13 @@ def test_speed_limits_are_reported_only_with_a_driver(bench):
 
 
 def test_sensor_messages_prepare_the_gate_during_control(bench):
-    bench.gate.observe_scan = lambda _scan: None
+    bench.gate.observe_scan = lambda *_scan: None
     scan = LaserScan("laser", 50.0, 101.0, [1.0], 0.0, 0.1, 0.1, 9.0)
     for granted in (False, True):
         if granted:
             bench.granted()
-        bench.core.odometry(50.0 + granted, 100.5, Pose(0.0, 0.0, 0.0), STILL, 50.0)
+        bench.core.odometry(50.0 + granted, 100.5, Pose(0.1 * granted, 0.0, 0.0), STILL, 50.0)
+        bench.core.odometry(50.1 + granted, 100.6, Pose(0.1 * granted, 0.0, 0.0), STILL, 50.0)
         bench.core.laser(scan)
         bench.core.range("sonar", 50.0, 101.5, 1.0)
         assert bench.news == (3 if granted else 0), "while nobody has control nothing is prepared"

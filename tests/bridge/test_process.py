@@ -9,7 +9,7 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.lease.state_store import SavedState, StateStore
-from robots.bridge.process import TICK_S, Bridge
+from robots.bridge.process import Bridge
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.wire import Grant
 from tests.bridge.support import CONFIG, MemorySink
@@ -25,26 +25,23 @@ async def bridge(tmp_path):
     store.unlock()
 
 
-def ticks(bridge, beats, late_s=0.0):
-    now_s = time.monotonic()
-    return [bridge._ticks(now_s + number * TICK_S, late_s) for number in range(beats)]
-
-
-async def test_every_second_beat_ticks_without_control_then_each(bridge):
-    assert ticks(bridge, 5) == [True, False, True, False, True]
+async def test_ticks_are_seldom_without_control_until_it_begins(bridge):
+    assert bridge._may_rest(time.monotonic())
+    bridge._rests = True
     bridge._core.grant(Grant(1, 60.0, "session", "Ann", "ann-id", 1.0), 1, time.monotonic())
-    assert ticks(bridge, 3) == [True, True, True], "control begins without waiting for a tick"
+    assert not bridge._may_rest(time.monotonic())
+    bridge._changed()
+    assert bridge._wake.is_set(), "control begins without waiting for a tick"
 
 
-async def test_each_beat_ticks_while_a_stop_is_latched(bridge):
-    ticks(bridge, 1)
+async def test_ticks_are_frequent_while_a_stop_is_latched(bridge):
+    bridge._rests = True
     bridge._core.stop("Ann", "", time.monotonic())
-    assert ticks(bridge, 3) == [True, True, True]
-
-
-async def test_a_late_beat_ticks_and_shows_the_delay(bridge):
-    ticks(bridge, 1)
-    assert ticks(bridge, 2, late_s=0.5) == [True, True]
+    bridge._changed()
+    assert bridge._wake.is_set(), "zeros are repeated from now on"
+    bridge._wake.clear()
+    bridge._changed()
+    assert not bridge._wake.is_set(), "a flood of stops costs no ticks"
 
 
 async def test_command_between_two_pieces_of_work_goes_first(bridge, monkeypatch):

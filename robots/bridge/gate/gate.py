@@ -144,8 +144,13 @@ class Gate:
 
     # --- input ----------------------------------------------------------------------------------
 
-    def observe_odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> bool:
-        """Take odometry; return whether it was new. Numbers that are not finite or absurd are ignored."""
+    def observe_odometry(
+        self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, messages: int = 1
+    ) -> bool:
+        """Take odometry; return whether it was new. Numbers that are not finite or absurd are ignored.
+
+        `messages`: of so many that came together it is the newest, and the others are not observed.
+        """
         if not all(map(math.isfinite, (stamp_s, arrival_s))):
             return False
         if not all(abs(number) < BEYOND_REASON for number in (*pose, *velocity)):
@@ -161,7 +166,7 @@ class Gate:
         self._velocity = velocity
         stands = self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
         self._unseen_motion.moved(STILL if stands else velocity, arrival_s)
-        self.latency.arrived("odometry", stamp_s, arrival_s)
+        self.latency.arrived("odometry", stamp_s, arrival_s, messages)
         self.latency.moved(velocity, arrival_s)
         if self._behind and self._trail.newest is not None:
             self._behind.moved(self._trail.newest, arrival_s)
@@ -217,14 +222,19 @@ class Gate:
             self._limits.forget_posture()
             self.latency.forget()
 
-    def observe_scan(self, scan: LaserScan) -> None:
-        """Take a laser scan. A malformed scan, or one of an unknown source, is ignored."""
+    def observe_scan(self, scan: LaserScan, thins: bool = False) -> None:
+        """Take a laser scan. A malformed scan, or one of an unknown source, is ignored.
+
+        `thins`: nobody drives, and the robot stands, so memory may learn from every second scan.
+        """
         laser = self._lasers.get(scan.source)
         if laser and laser.observe(scan):
             self.latency.arrived(scan.source, scan.stamp_s, scan.arrival_s)
             if self._heading and self._heading.laser is laser:
                 self._heading.correct(self._trail)
-            self._memories[scan.source].learn(self._trail, scan.arrival_s)
+            memory = self._memories[scan.source]
+            if not thins or memory.is_due():
+                memory.learn(self._trail, scan.arrival_s)
             base = self._trail.pose_at(scan.stamp_s)
             if not self.profile.has_depth and laser.sweep is not None and base is not None:
                 self._echoes.scan(laser.sweep, laser.pose, base, scan.arrival_s)
@@ -296,7 +306,14 @@ class Gate:
         self._limits.operator_delay_s = delay_s
 
     def observe_new_driver(self) -> None:
-        """Take that somebody else drives from now on: this person has not looked behind the robot."""
+        """Take that somebody else drives from now on: this person has not looked behind the robot.
+
+        What scans showed that were thinned out before is learned now.
+        """
+        for name, memory in self._memories.items():
+            arrival_s = self._lasers[name].freshness.arrival_s
+            if arrival_s is not None:
+                memory.learn(self._trail, arrival_s)
         if self._behind:
             self._behind.forget_look()
 

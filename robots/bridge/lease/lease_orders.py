@@ -30,13 +30,13 @@ _Waiting = deque[tuple[Link, Message]]
 class LeaseOrders:
     """Apply grants, revokes and pauses of one robot in order. Runs on the event loop; one thread writes the state file.
 
-    `on_latch` is called when stop is pressed or cleared, before anybody is notified.
+    `on_change` is called when control changes, and when stop is pressed or cleared, before anybody is notified.
     """
 
     def __init__(
-        self, core: Core, store: StateStore, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
+        self, core: Core, store: StateStore, fence_on_disk: int, on_change: Callable[[], None] = lambda: None
     ) -> None:
-        self._on_latch = on_latch
+        self._on_change = on_change
         self._core = core
         self._store = store
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="state-file")
@@ -68,7 +68,7 @@ class LeaseOrders:
 
         The returned future is done when the state is written.
         """
-        self._on_latch()
+        self._on_change()
         saved = self._disk.submit(self._store.save, self._core.saved_state())
         saved.add_done_callback(_log_failure)
         return saved
@@ -82,9 +82,11 @@ class LeaseOrders:
         match message:
             case Grant():
                 self._core.grant(message, link.number, now_s)
+                self._on_change()
                 link.report(Granted(message.fence))
             case Revoke():
                 self._core.revoke(message.fence, message.sentence_of("reason"), now_s)
+                self._on_change()
             case Pause():
                 self._core.pause(message.fence, message.sentence_of("reason"), link.number, now_s)
 

@@ -7,6 +7,7 @@ covariance comes from the pose topic, on which nothing is sent while the robot s
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from msgspec import Struct
@@ -41,14 +42,19 @@ class Spread(Struct, frozen=True):
     @property
     def ellipse(self) -> tuple[float, float, float]:
         """Standard deviations along the longer and the shorter axis (m), and the direction of the longer (rad)."""
-        values, axes = np.linalg.eigh(np.array(((self.xx, self.xy), (self.xy, self.yy))))
-        shorter, longer = (math.sqrt(max(float(value), 0.0)) for value in values)
-        return longer, shorter, math.atan2(float(axes[1, 1]), float(axes[0, 1]))
+        return _ellipse(self.xx, self.xy, self.yy)
 
     @property
     def sigma_rad(self) -> float:
         """Standard deviation of the heading."""
         return math.sqrt(max(self.yaw, 0.0))
+
+
+@lru_cache(8)  # views of a robot that stands ask for the same one
+def _ellipse(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
+    values, axes = np.linalg.eigh(np.array(((xx, xy), (xy, yy))))
+    shorter, longer = (math.sqrt(max(float(value), 0.0)) for value in values)
+    return longer, shorter, math.atan2(float(axes[1, 1]), float(axes[0, 1]))
 
 
 def is_reasonable(*numbers: float) -> bool:

@@ -29,7 +29,7 @@ from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
-from robots.bridge.ros.bounds.listening import pause, speaker
+from robots.bridge.ros.bounds.listening import hurry, pause, speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
@@ -39,7 +39,7 @@ from robots.bridge.ros.network.velocity_sources import velocity_sources
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.ros_worker import RosWorker
-from robots.bridge.ros.sensors.convert import laser_scan, planar
+from robots.bridge.ros.sensors.brief import BRIEF
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.diagnostics import statuses
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
@@ -72,10 +72,12 @@ FRUITLESS = 3  # reads in a row, while somebody has control, that find no new de
 LARGE = 1_000_000  # characters: reading so large a description may delay the control loop
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
+SCANS_WAIT = 3  # of each laser, if they can wait
 ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
 DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
 DIAGNOSED_S = 0.5  # between reads of diagnostics: nodes report once a second
-RESTS_S = 0.08  # between reads of odometry while the robot stands without a driver
+# Between reads while the robot stands without a driver: shorter than each sensor's limit
+RESTS_S, SONAR_RESTS_S = 0.1, 0.2
 RESTS = 0.005  # m/s or rad/s: a slower robot stands
 MOST_PROBLEMS = 10  # in one report
 MOST_LOOKED_UP = 8  # nodes whose address one survey asks for
@@ -97,6 +99,7 @@ class RosBase(InputSwitch):
         self._on_demand: OnDemandTopics | None = None
         self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
         self.parts: Sequence[RobotPart] = ()
+        self._found: dict[type, object] = {}  # parts by what they do
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
@@ -111,6 +114,7 @@ class RosBase(InputSwitch):
         self._runs = RunMonitor()
         self._charge = BatteryCharge()
         self._moves = True  # by the last odometry
+        self.watched = False  # somebody looks at views
         self.mail = Mailboxes(self.post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
@@ -125,7 +129,12 @@ class RosBase(InputSwitch):
 
     def part(self, kind: type[P]) -> P | None:
         """Return the part that does this; None: the robot has none, or is not connected yet."""
-        return next((part for part in (self, *self.parts) if isinstance(part, kind)), None)
+        if kind not in self._found:
+            found = next((part for part in (self, *self.parts) if isinstance(part, kind)), None)
+            if found is None:
+                return None
+            self._found[kind] = found
+        return self._found[kind]  # type: ignore[return-value]
 
     def joint(self, name: str) -> float | None:
         """Return the position of a joint (rad or m); None if it was not reported lately."""
@@ -183,6 +192,10 @@ class RosBase(InputSwitch):
         """Return the number of the robot's nodes that listen to the drive topic."""
         return len(heard_by(self._drive)) if self._drive is not None else 0
 
+    def hurry(self, wanted: bool) -> None:
+        """Read sensors at once, and each message, until that is no longer wanted."""
+        hurry(wanted)
+
     def use_on_demand_topics(self, wanted: bool) -> None:
         """Subscribe to the costly topics (depth, tf) only while a person drives."""
         if self._on_demand is not None:
@@ -236,12 +249,18 @@ class RosBase(InputSwitch):
         )
         # Delayed messages arrive all at once. A dropped one is a gap in odometry, and a gap clears the gate's memory.
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
-        pause(topics.odometry.name, lambda: 0.0 if self._core.needs_fresh_sensors or self._moves else RESTS_S)
+        pause(
+            topics.odometry.name,
+            lambda: 0.0 if self._moves else RESTS_S,
+            hurried_s=0.0,
+            newest_only=True,
+        )
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
             # Sonars that share a topic publish together: no reading may push another out of the queue.
             self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range, SONAR_ROUNDS * sonars)
+            pause(name, lambda: 0.0 if self._moves or self.watched else SONAR_RESTS_S, hurried_s=0.0)
         if topics.battery:
             self._subscribe(topics.battery, self._on_battery)
         if topics.charging:
@@ -473,24 +492,34 @@ class RosBase(InputSwitch):
     # --- topics --------------------------------------------------------------------------------------
 
     def _subscribe(self, topic: Topic, callback: Callable[[Any], None], queue: int = 1) -> None:
-        rospy.Subscriber(topic.name, message_class(topic.type), callback, queue_size=queue, tcp_nodelay=True)
+        kind = BRIEF.get(topic.type) or message_class(topic.type)
+        rospy.Subscriber(topic.name, kind, callback, queue_size=queue, tcp_nodelay=True)
 
     def _on_odometry(self, message: Any) -> None:
         arrival_s, wall_s = time.monotonic(), time.time()
-        pose, velocity = planar(message)
+        stamp_s, pose, velocity = message.stamp_s, message.planar_pose, message.velocity
         self._moves = not all(abs(part) < RESTS for part in velocity)
-        stamp_s, run = message.header.stamp.to_sec(), self._runs.of(message._connection_header)
+        run = self._runs.of(message._connection_header)
+        by = speaker()
+        messages = by.stands_for if by else 1
         self.mail.post(
             "odometry",
-            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run),
+            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run, messages),
             ODOMETRY_WAITS,
             can_wait=True,
         )
 
     def _on_scan(self, source: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
-            scan = laser_scan(message, source, time.monotonic())
-            self.mail.post(source, lambda: self._core.laser(scan))
+            scan = message.scan._replace(source=source, arrival_s=time.monotonic())
+            waits = not (self.watched or self._core.needs_fresh_sensors)
+            thins = waits and not self._moves
+            self.mail.post(
+                source,
+                lambda: self._core.laser(scan, thins=thins),
+                SCANS_WAIT if waits else 1,
+                can_wait=waits,
+            )
 
         return receive
 

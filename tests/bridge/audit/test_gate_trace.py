@@ -94,10 +94,10 @@ def pictured() -> Frame:
 WIDE = math.pi * 1e8  # a number that needs all 53 bits of its significand
 INPUTS = {
     "observe_odometry": [
-        (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf))
+        (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf), 3)
     ],
     "observe_scan": [
-        (LaserScan(LASER, WIDE, 0.1, ranges, -1.6, 0.1 / 3, 0.05, 25.0),)
+        (LaserScan(LASER, WIDE, 0.1, ranges, -1.6, 0.1 / 3, 0.05, 25.0), True)
         for ranges in (
             np.array([1 / 3, math.nan, math.inf, -math.inf, -0.0]),
             np.array([0.1, math.nan, 25.0], dtype=np.float32),
@@ -146,3 +146,12 @@ def test_all_gate_inputs_are_restored_to_the_last_bit(method, tmp_path):
             getattr(gate, method)(*arguments)
     assert list(replay(path, Listening)) == []
     assert bits(heard) == bits(INPUTS[method])
+
+
+def test_a_trace_with_fewer_arguments_is_replayed(tmp_path, monkeypatch):
+    """Traces of 1.0.0-rc1 and before lack `thins` and `messages`."""
+    path = tmp_path / "old.gate"
+    with Recorder(path, tiago_profile()) as recorder:
+        for method, arguments in (("observe_odometry", INPUTS["observe_odometry"][0]), ("forget", ())):
+            recorder._write((method, list(arguments[:4]), None))
+    assert list(replay(path)) == []

@@ -31,7 +31,7 @@ from robots.shared.geometry.footprint import Disc
 from robots.shared.geometry.planar import ORIGIN, placed, relative_to
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.drives.test_driving import towards
-from tests.gate.conftest import box_profile, tiago_profile
+from tests.gate.conftest import LASER, box_profile, tiago_profile
 from tests.gate.world import World, doorway, leg, wall
 
 NAN, INF = math.nan, math.inf
@@ -701,3 +701,25 @@ def test_a_robot_boxed_in_by_old_memory_gets_out(stick, seed):
     begin = world.pose
     world.drive(Velocity(-0.5, 0.0, 0.0), 3.0)
     assert math.hypot(world.pose.x - begin.x, world.pose.y - begin.y) > 1.0
+
+
+def test_scans_are_thinned_out_for_memory_until_somebody_drives(tiago):
+    memory, learns = tiago.gate._memories[LASER], []
+
+    def scan(distance_m):
+        tiago.now_s += 0.1
+        tiago.ahead_at(distance_m)
+        tiago.odometry()
+        facts = tiago.stamp_s, tiago.now_s, tiago.ranges, -math.radians(95), STEP, 0.05, 25.0
+        tiago.gate.observe_scan(LaserScan(LASER, *facts), True)
+        learns.append(memory._learned_s == tiago.stamp_s)
+
+    for _ in range(4):
+        scan(1.0)
+        assert tiago.gate.sensor_health(tiago.now_s)[1].age_s == 0.0, "each scan shows that the laser works"
+    scan(0.6)
+    assert learns == [False, True, False, True, False]
+    nearest_m = tiago.gate.obstacles(tiago.now_s).points[:, 0].min()
+    assert nearest_m == pytest.approx(0.802, abs=0.01), "the newest scan counts before memory learns from it"
+    tiago.gate.observe_new_driver()
+    assert memory._learned_s == tiago.stamp_s

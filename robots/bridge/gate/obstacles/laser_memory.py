@@ -17,6 +17,10 @@ from robots.shared.geometry.planar import ORIGIN, Points, chosen, placed, relati
 from robots.shared.geometry.poses import Pose
 from robots.shared.sentences import say
 
+# While nobody drives, and the robot stands, memory learns from scans that are so far apart: less than the time that
+# counts as watched (`point_memory.GAP_S`).
+THINNED_S = 0.15
+
 
 class LaserMemory:
     """The memory of one laser.
@@ -34,10 +38,14 @@ class LaserMemory:
         self._memory = Memory(LASER_LAYER)
         self._carried = self._as_seen = Carried()
         self._resets = 0
+        self._learned_s: float | None = None  # stamp of the last scan that it learned from
 
     def learn(self, trail: Trail, now_s: float) -> None:
-        """Learn from the laser's newest scan. A scan that does not match the odometry is ignored."""
+        """Learn from the laser's newest scan, once. A scan that does not match the odometry is ignored."""
         sweep, stamp_s = self._laser.sweep, self._laser.freshness.stamp_s
+        if stamp_s == self._learned_s:
+            return
+        self._learned_s = stamp_s
         base = None if stamp_s is None else trail.pose_at(stamp_s)
         if sweep is None or base is None:
             return
@@ -55,6 +63,11 @@ class LaserMemory:
         self._carried = Carried(points, stamp_s)
         self._as_seen = Carried(unseen, stamp_s)
         self._memory.pass_through(sighting.through, sighting.past)
+
+    def is_due(self) -> bool:
+        """Return whether the newest scan must be learned from, while scans are thinned out."""
+        newest_s, learned_s = self._laser.freshness.stamp_s, self._learned_s
+        return newest_s is None or learned_s is None or not 0.0 <= newest_s - learned_s < THINNED_S
 
     @property
     def is_empty(self) -> bool:

@@ -56,8 +56,8 @@ class Laser:
         self.pose = pose
         self.footprint = footprint
         self.sweep: scan.Sweep | None = None  # the newest
-        self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
-        self._carried = Carried()
+        self._seen: Points | None = NO_POINTS  # None: not computed yet
+        self._carried: Carried | None = Carried()
         self._complaint = ""
         self._covered: dict[float, bool] = {}  # answers for the newest scan, by direction
 
@@ -79,10 +79,17 @@ class Laser:
             return False
         self.sweep = sweep
         self._covered.clear()
-        self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
-        self._carried = Carried(self.seen, message.stamp_s)
+        self._seen = self._carried = None
         self._complaint = ""
         return True
+
+    @property
+    def seen(self) -> Points:
+        """Its points outside the hull, base frame of its stamp."""
+        if self._seen is None:
+            assert self.sweep is not None  # noqa: S101  (`observe` has set both)
+            self._seen = scan.outside_hull(placed(self.sweep.steadied(), self.pose), self.footprint)
+        return self._seen
 
     def measured(self, sweep: scan.Sweep) -> Points:
         """Return the points of a scan like `seen`, but not smoothed."""
@@ -109,6 +116,8 @@ class Laser:
         return stamp_s is not None and trail.pose_at(stamp_s) is not None
 
     def places(self, trail: Trail, now_s: float) -> Points:
+        if self._carried is None:
+            self._carried = Carried(self.seen, self.freshness.stamp_s)
         return self._carried.places(trail)
 
     def moved_nearer(self, points: Points) -> Points:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,7 +81,7 @@ class DepthImage(NamedTuple):
     encoding: str
     big_endian: bool
     step: int
-    data: bytes
+    data: bytes | memoryview
 
 
 class Cloud(NamedTuple):
@@ -201,7 +202,11 @@ def _coordinates(cloud: Cloud) -> tuple[Floats, Floats, Floats]:
 
 
 def _view(
-    data: bytes, shape: tuple[int, int], kind: np.dtype[np.generic], start: int, strides: tuple[int, int]
+    data: bytes | memoryview,
+    shape: tuple[int, int],
+    kind: np.dtype[np.generic],
+    start: int,
+    strides: tuple[int, int],
 ) -> NDArray[np.generic]:
     last = start + (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + kind.itemsize
     if last > len(data):
@@ -239,12 +244,10 @@ def check_shown(picture: Picture, to_base: Transform) -> None:
     Otherwise a covered lens, a picture of NaN, or a wrong camera pose would count as a free way.
     """
     per_metre = _rise(picture, to_base)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        to_floor = -float(to_base[2, 3]) / per_metre
-        floor = (to_floor > NEAREST_M) & (to_floor < FARTHEST_M)
+    floor, expected = _floor(*_looks(picture, to_base))
+    with np.errstate(invalid="ignore", over="ignore"):
         depth_below = -(picture.ahead * per_metre + np.float32(to_base[2, 3]))
         shown = floor & (picture.ahead > NEAREST_M) & (depth_below < _floor_error(picture.ahead))
-    expected = np.count_nonzero(floor)
     if expected > LEAST_FLOOR_SHARE * floor.size and np.count_nonzero(shown) < LEAST_SHOWN_SHARE * expected:
         raise Malformed(say("its pictures show neither the floor nor objects on it"))
 
@@ -268,9 +271,46 @@ def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Column
 
 def _rise(picture: Picture, to_base: Transform) -> Floats:
     """Return by how much each pixel's ray rises per metre ahead."""
-    up = to_base[2].astype(np.float32)
-    rise: Floats = up[0] * picture.right + (up[1] * picture.down + up[2])[:, None]
+    return _rises(*_looks(picture, to_base))
+
+
+# What the camera's pose and lens alone decide is computed once while the head rests: the last two cameras' are kept.
+
+
+def _looks(picture: Picture, to_base: Transform) -> tuple[bytes, bytes, bytes]:
+    """Return directions of the pixels, and height and tilt of the camera, as bytes."""
+    return picture.right.tobytes(), picture.down.tobytes(), to_base[2].tobytes()
+
+
+@lru_cache(2)
+def _rises(right: bytes, down: bytes, upright: bytes) -> Floats:
+    """Return `_rise`. Do not change it."""
+    up = np.frombuffer(upright).astype(np.float32)
+    across, along = np.frombuffer(right, np.float32), np.frombuffer(down, np.float32)
+    rise: Floats = up[0] * across + (up[1] * along + up[2])[:, None]
     return rise
+
+
+@lru_cache(2)
+def _floor(right: bytes, down: bytes, upright: bytes) -> tuple[NDArray[np.bool_], int]:
+    """Return the pixels that would show an empty floor within reach, and their number."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        to_floor = -float(np.frombuffer(upright)[3]) / _rises(right, down, upright)
+        floor = (to_floor > NEAREST_M) & (to_floor < FARTHEST_M)
+    return floor, int(np.count_nonzero(floor))
+
+
+@lru_cache(2)
+def _passes_m(right: bytes, down: bytes, upright: bytes, height_m: float) -> Floats:
+    """Return how far (m along the floor) each patch of rays is where its nearest ray passes a height."""
+    rise = _rises(right, down, upright)
+    across, along = np.frombuffer(right, np.float32), np.frombuffer(down, np.float32)
+    level = np.sqrt(across**2 + (along**2)[:, None] + 1.0 - rise**2)
+    with np.errstate(divide="ignore"):
+        passes_m = np.where(rise < 0.0, (height_m - np.frombuffer(upright)[3]) / rise * level, np.inf)
+    rows = min(PATCH_ROWS, len(passes_m))
+    begins_m: Floats = np.minimum(passes_m[: len(passes_m) - rows + 1], passes_m[rows - 1 :])
+    return begins_m
 
 
 def _floor_error(ahead: Floats) -> Floats:
@@ -343,14 +383,11 @@ def measured_to_m(picture: Picture, to_base: Transform, height_m: float) -> Floa
     A hole is a patch of rows of which less than `LEAST_SHOWN_SHARE` is measured. It begins where its nearest ray
     passes `height_m`: something black or glossy may be there. Infinite: there is no hole.
     """
-    rise = _rise(picture, to_base)
-    level = np.sqrt(picture.right**2 + (picture.down**2)[:, None] + 1.0 - rise**2)
-    with np.errstate(divide="ignore"):
-        passes_m = np.where(rise < 0.0, (height_m - to_base[2, 3]) / rise * level, np.inf)
-    rows = min(PATCH_ROWS, len(passes_m))
-    measured = np.pad(~np.isnan(picture.ahead), ((1, 0), (0, 0))).cumsum(axis=0)
+    begins_m = _passes_m(*_looks(picture, to_base), height_m)
+    rows = min(PATCH_ROWS, len(picture.ahead))
+    measured = np.zeros((len(picture.ahead) + 1, picture.ahead.shape[1]), dtype=np.int16)
+    np.cumsum(~np.isnan(picture.ahead), axis=0, out=measured[1:])
     holes = measured[rows:] - measured[:-rows] < LEAST_SHOWN_SHARE * rows
-    begins_m = np.minimum(passes_m[: len(holes)], passes_m[rows - 1 :])
     to_m: Floats = np.where(holes, begins_m, np.inf).min(axis=0).astype(np.float32)
     return to_m
 

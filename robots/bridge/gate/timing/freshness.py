@@ -27,7 +27,7 @@ class Freshness:
 
     def __init__(self) -> None:
         self.stamp_s: float | None = None
-        self._arrival_s: float | None = None
+        self.arrival_s: float | None = None
         self._older: list[float] = []  # stamps that are older than `stamp_s` and advance
         self._repeated_s = -math.inf  # arrival of the last message that was not new
 
@@ -38,7 +38,7 @@ class Freshness:
             if not self._is_set_back(stamp_s):
                 return False
         self.stamp_s = stamp_s
-        self._arrival_s = arrival_s
+        self.arrival_s = arrival_s
         self._older.clear()
         return True
 
@@ -50,11 +50,11 @@ class Freshness:
 
     def age_s(self, now_s: float) -> float | None:
         """Return the seconds since the last new arrival; None before the first."""
-        return None if self._arrival_s is None else max(now_s - self._arrival_s, 0.0)
+        return None if self.arrival_s is None else max(now_s - self.arrival_s, 0.0)
 
     def within(self, limit_s: float, now_s: float) -> bool:
         """Return whether a new message came within `limit_s`."""
-        return self._arrival_s is not None and now_s - self._arrival_s <= limit_s
+        return self.arrival_s is not None and now_s - self.arrival_s <= limit_s
 
     def silence(self, limit_s: float, now_s: float, why: str = "") -> str:
         """Return a reason if no new message came within `limit_s` (`why` if given), else ""."""

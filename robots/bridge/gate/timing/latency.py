@@ -99,10 +99,10 @@ class Latency:
         self._later_s = 0.0  # delay beyond the minimum, by the newest arrivals
         self._pace = Pace()
 
-    def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
-        """Take the arrival of a new message of a source: odometry, or a laser."""
+    def arrived(self, source: str, stamp_s: float, arrival_s: float, messages: int = 1) -> None:
+        """Take the arrival of a new message of a source: odometry, or a laser. So many `messages` came together."""
         by_stamp_s = arrival_s if self.clock_is_simulated else stamp_s
-        self._backlogs.setdefault(source, Backlog()).arrived(by_stamp_s, arrival_s)
+        self._backlogs.setdefault(source, Backlog()).arrived(by_stamp_s, arrival_s, messages)
         if source == "odometry":
             self._pace.arrived(by_stamp_s, arrival_s)
         self._compare_backlogs()
@@ -215,13 +215,13 @@ class Backlog:
         self._gap_s = 0.0  # usual gap between stamps
         self.later_s = 0.0  # delay of the quickest recent message beyond the best one, without jitter
 
-    def arrived(self, stamp_s: float, arrival_s: float) -> None:
-        """Take the arrival of a new message. If stamps go back, a clock was set."""
+    def arrived(self, stamp_s: float, arrival_s: float, messages: int = 1) -> None:
+        """Take the arrival of a new message, the newest of so many `messages`. If stamps go back, a clock was set."""
         if stamp_s < self._stamp_s:
             self._lately.clear()
             self._best_s = math.inf
         elif self._lately:
-            self._gap_s += USUAL * (min(stamp_s - self._stamp_s, LATELY_S) - self._gap_s)
+            self._gap_s += USUAL * (min((stamp_s - self._stamp_s) / messages, LATELY_S) - self._gap_s)
         self._stamp_s = stamp_s
         self.took(arrival_s - stamp_s, arrival_s)
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import io
 import logging
+import math
+import os
 import select
 import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import genpy
 import msgspec
@@ -41,20 +43,44 @@ DROPPED_S = 10.0  # until a publisher that was cut off is connected again
 AGAIN_S = (2.0, 30.0)
 CONNECT_S = 5.0
 MOST_DIALLING = 32  # connections in progress, of all topics
+# Only the newest message is read this soon after the read before; after a longer silence all are, so none is missing.
+NEWEST_WITHIN_S = 0.18
 CHECK_S = 1.0  # between two checks whether a barred publisher may be tried again
 
 _length = struct.Struct("<I")
 _here = threading.local()
-_pauses: dict[str, Callable[[], float]] = {}  # by topic
 
 
-def pause(topic: str, seconds: Callable[[], float]) -> None:
+class _Pause(NamedTuple):
+    seconds: Callable[[], float]
+    hurried_s: float | None
+    newest_only: bool
+
+
+_pauses: dict[str, _Pause] = {}  # by topic
+_hurry = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # readable while pauses must end
+_hurries = False
+
+
+def pause(
+    topic: str, seconds: Callable[[], float], *, hurried_s: float | None = None, newest_only: bool = False
+) -> None:
     """Read a topic's publishers seldom: waking for every message costs three times the processor time.
 
     Messages that arrive during the pause wait in the socket, and one read takes them all; rospy keeps the
-    newest `queue_size` of them. `seconds` is called before each read, on rospy's thread.
+    newest `queue_size` of them, or the newest one only if that hides no silence. `seconds` is called before each
+    read but the first, on rospy's thread. With `hurried_s`, a hurry ends the pause at once, and during it all
+    messages are read, with pauses of so many seconds.
     """
-    _pauses[topic] = seconds
+    _pauses[topic] = _Pause(seconds, hurried_s, newest_only)
+
+
+def hurry(wanted: bool) -> None:
+    """End pauses at once, and make shorter ones until a hurry is no longer wanted."""
+    global _hurries
+    if wanted != _hurries:
+        _hurries = wanted
+        (os.eventfd_write(_hurry, 1) if wanted else os.eventfd_read(_hurry))
 
 
 class Reading:
@@ -88,6 +114,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
     """A connection to one publisher, in place of rospy's TCPROSSub. Runs on its own thread."""
 
     get_header_fields = TCPROSSub.get_header_fields
+    queue_size: int | None
 
     def __init__(
         self, resolved_name: str, recv_data_class: Any, *more: Any, tcp_nodelay: bool = False, **others: Any
@@ -100,6 +127,9 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._reading = Reading(kind_of(resolved_name, recv_data_class._type))
         self._worked_s: float | None = None
         self._dropped = ""
+        self._reads_newest = False
+        self._read_s = -math.inf
+        self.stands_for = 1  # messages that came together, of which one was read
 
     def rest(self) -> None:
         """Pause before the next read, on rospy's thread. The pause ends when the publisher disconnects.
@@ -107,12 +137,20 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         rospy refuses a second connection to a publisher, so the old connection must be gone before the
         publisher comes back.
         """
-        seconds = _pauses.get(self.topic)
-        if seconds is None:
+        pause = _pauses.get(self.topic)
+        self._reads_newest = False
+        if pause is None or self._worked_s is None:
             return
-        closed = select.poll()
-        closed.register(self.transport.socket, select.POLLRDHUP)
-        closed.poll(1000.0 * seconds())
+        hurried_s = pause.hurried_s if _hurries else None
+        seconds = pause.seconds() if hurried_s is None else hurried_s
+        if seconds <= 0.0:
+            return
+        ended = select.poll()
+        ended.register(self.transport.socket, select.POLLRDHUP)
+        if pause.hurried_s is not None and hurried_s is None:
+            ended.register(_hurry, select.POLLIN)
+        ended.poll(1000.0 * seconds)
+        self._reads_newest = pause.newest_only and not _hurries
 
     def drop(self, why: str) -> None:
         """Cut the publisher off before its next message is read. Thread-safe."""
@@ -121,12 +159,19 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
     def read_messages(self, b: io.BytesIO, msg_queue: list[Any], sock: Any) -> None:
         """Deserialize the received messages. Raises TransportTerminated if they exceed the limits."""
         _here.speaker = self
-        why = self._dropped or self._reading.why_not(*_came(b), self._work_s(), time.monotonic())
+        (largest, messages), now_s = _came(b), time.monotonic()
+        why = self._dropped or self._reading.why_not(largest, messages, self._work_s(), now_s)
+        newest_only = self._reads_newest and now_s - self._read_s < NEWEST_WITHIN_S
+        self._read_s = now_s
         if not why:
+            kept = self.queue_size
+            self.queue_size, self.stands_for = (1, messages) if newest_only else (kept, 1)
             try:
                 super().read_messages(b, msg_queue, sock)
             except genpy.DeserializationError:
                 why = say("sends messages that cannot be read")
+            finally:
+                self.queue_size = kept
         if why:
             self._cut_off(why)
 

@@ -64,8 +64,10 @@ class Mailboxes:
         """Run `call` on the loop. If `depth` calls of this source wait already, the oldest is dropped."""
         waits = can_wait and not self._hurry()
         with self._lock:
-            box = self._boxes.setdefault(source, deque(maxlen=depth))
+            box = self._boxes.setdefault(source, deque())
             unheard = not box or self._waiting.get(source) is False
+            while len(box) >= depth:
+                box.popleft()
             box.append((call, self._speaker()))
             if unheard and (waits or source in self._waiting):
                 self._waiting[source] = not waits

@@ -6,18 +6,18 @@ the megabyte of pixels.
 
 from __future__ import annotations
 
+import struct
 import time
 from typing import Any
 
 import genpy
 import rospy
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, PointCloud2, PointField
 
 from robots.bridge.core import Core
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import (
     Cloud,
-    DepthImage,
     Lens,
     Picture,
     picture_of_cloud,
@@ -26,6 +26,7 @@ from robots.bridge.gate.sensing.depth import (
 from robots.bridge.gate.sensing.scan import Malformed
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.on_demand_topics import listen
+from robots.bridge.ros.sensors.brief import depth_image
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import DepthSource
 from robots.shared.configuration.gate_profile import DepthView
@@ -75,15 +76,13 @@ class DepthTopics:
             return
         self._taken_s = arrival_s
         try:
-            message = (PointCloud2 if self._is_cloud else Image)().deserialize(raw)
-            stamp_s = message.header.stamp.to_sec()
-            picture = self._cloud(message) if self._is_cloud else self._image(message)
-            to_base = self._frames.pose_at(message.header.frame_id.lstrip("/"), stamp_s)
+            stamp_s, frame_id, picture = self._cloud(raw) if self._is_cloud else self._image(raw)
+            to_base = self._frames.pose_at(frame_id.lstrip("/"), stamp_s)
             frame = frame_of(picture, to_base, self._view)
             self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
         except (Malformed, PoseUnknown) as error:
             self._cannot_use(error.args[0])
-        except genpy.DeserializationError as error:
+        except (genpy.DeserializationError, struct.error) as error:
             self._cannot_use(say("its messages cannot be read ({error})", error=error))
 
     def _cannot_use(self, why: str) -> None:
@@ -93,16 +92,9 @@ class DepthTopics:
     def _is_cloud(self) -> bool:
         return self._source.type == "sensor_msgs/PointCloud2"
 
-    def _image(self, message: Any) -> Picture:
-        image = DepthImage(
-            message.width,
-            message.height,
-            message.encoding,
-            bool(message.is_bigendian),
-            message.step,
-            message.data,
-        )
-        return picture_of_image(image, self._lens(message.width, message.height))
+    def _image(self, raw: bytes) -> tuple[float, str, Picture]:
+        stamp_s, frame_id, image = depth_image(raw)
+        return stamp_s, frame_id, picture_of_image(image, self._lens(image.width, image.height))
 
     def _lens(self, width: int, height: int) -> Lens:
         """Return the lens for pictures of this size: from camera info, else from the profile's field of view."""
@@ -112,7 +104,8 @@ class DepthTopics:
         across, along = width / of_width, height / of_height
         return Lens(lens.fx * across, lens.fy * along, lens.cx * across, lens.cy * along)
 
-    def _cloud(self, message: Any) -> Picture:
+    def _cloud(self, raw: bytes) -> tuple[float, str, Picture]:
+        message: Any = PointCloud2().deserialize(raw)
         offsets = {
             field.name: field.offset for field in message.fields if field.datatype == PointField.FLOAT32
         }
@@ -125,4 +118,5 @@ class DepthTopics:
             bool(message.is_bigendian),
             message.data,
         )
-        return picture_of_cloud(cloud, self._source.fov)
+        picture = picture_of_cloud(cloud, self._source.fov)
+        return message.header.stamp.to_sec(), message.header.frame_id, picture

@@ -11,17 +11,17 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalStatus
-from sensor_msgs.msg import JointState
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.sensors.brief import JointStates
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import NAME, cut
 
-EVERY_S = 0.1
+EVERY_S, RESTS_S = 0.1, 0.2  # while somebody has control; else
 JOINTS_WAIT = 10  # messages of one publisher: each may report other joints
 
 Take = Callable[[Posture, float], None]
@@ -33,12 +33,13 @@ class PostureTopics:
     def __init__(self, arm: ArmPosture, take: Take | None) -> None:
         self._arm = arm
         self._take = take
+        self._joints = JointStates()
         self._reported_s = float("-inf")
 
     def subscribe(self, joint_states: Topic, motions: Topic | None) -> list[rospy.Subscriber]:
         """Subscribe to joint states and, with `motions`, to the motion server's goals and results."""
         expect(joint_states.name, "sensor_msgs/JointState")
-        pause(joint_states.name, lambda: EVERY_S)
+        pause(joint_states.name, lambda: RESTS_S, hurried_s=EVERY_S)
         subscribers = [
             rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._on_joints, queue_size=JOINTS_WAIT)
         ]
@@ -53,9 +54,7 @@ class PostureTopics:
 
     def _on_joints(self, raw: Any) -> None:
         now_s = time.monotonic()
-        message = JointState().deserialize(raw._buff)
-        names = (cut(name, NAME) for name in message.name)
-        self._arm.update(zip(names, message.position, strict=False), now_s)
+        self._arm.update(self._joints.positions(raw._buff), now_s)
         if self._take is not None and now_s - self._reported_s >= EVERY_S:
             self._reported_s = now_s
             self._take(self._arm.posture(now_s), now_s)

@@ -9,12 +9,14 @@ from typing import Any
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
+from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.tasks.publishing import Sender, heard_by, publish
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import NAME, SENTENCE, cut, most_of
 
+STATUS_RESTS_S = 0.4  # between reads of statuses while nobody has control
 EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 OUTCOMES = {  # others: "failed"
@@ -58,6 +60,7 @@ class ActionTopics:
             "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, 10),
             "result": (message_class(f"{kind}ActionResult"), self._on_result, 10),
         }
+        pause(f"{action.name}/status", lambda: STATUS_RESTS_S, hurried_s=0.0)
         self._subscribers = [
             rospy.Subscriber(f"{action.name}/{part}", type_, listener, queue_size=size, tcp_nodelay=True)
             for part, (type_, listener, size) in listeners.items()

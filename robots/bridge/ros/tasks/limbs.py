@@ -83,7 +83,9 @@ class LimbTopics(GoalListener):
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         active = {goal_id: status == GoalStatus.ACTIVE for goal_id, status in goals.items()}
-        self._mail.post((action, "goals"), lambda: self._move.running(active, time.monotonic()))
+        self._mail.post(
+            (action, "goals"), lambda: self._move.running(active, time.monotonic()), can_wait=True
+        )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded."""

@@ -178,6 +178,7 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
         self._node.mail.post(
             ("motions", action),
             lambda: self._node.tasks.motions.running(action, goals.keys(), time.monotonic()),
+            can_wait=True,
         )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:

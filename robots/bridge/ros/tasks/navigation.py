@@ -105,7 +105,9 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
     # --- on rospy's threads ---------------------------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        self._mail.post("goals", lambda: self._goals.running(action, goals.keys(), time.monotonic()))
+        self._mail.post(
+            "goals", lambda: self._goals.running(action, goals.keys(), time.monotonic()), can_wait=True
+        )
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         self._mail.post(

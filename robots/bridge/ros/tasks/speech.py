@@ -81,7 +81,11 @@ class _ActionVoice(ActionTopics, GoalListener):
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         statuses = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
-        self._mail.post(("speech", action), lambda: self._tasks.running(action, statuses, time.monotonic()))
+        self._mail.post(
+            ("speech", action),
+            lambda: self._tasks.running(action, statuses, time.monotonic()),
+            can_wait=True,
+        )
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         if goal_id.startswith(OURS) and feedback.event_type & self._word_begins:
