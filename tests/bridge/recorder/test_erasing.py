@@ -108,6 +108,7 @@ def test_a_file_loses_a_session_and_names(path: Path) -> None:
 def test_what_was_latched_before_comes_with_what_stays(path: Path) -> None:
     cut_file(FileCut(taken(path), [(4 * SECOND, END)]))
     assert seconds_of(path, "/map") == [4] and seconds_of(path, "/camera") == [4, 5, 6, 7, 8, 9]
+    assert path.read_bytes().count(b"olga-id") == 1  # in `fleet`, which a part has not
 
 
 def test_what_was_latched_comes_although_its_chunk_is_late(tmp_path: Path) -> None:
