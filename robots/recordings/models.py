@@ -71,6 +71,7 @@ class Recording(models.Model):
     object = models.CharField(
         max_length=400, blank=True
     )  # its key in the object store, also of one that is begun
+    controls = models.JSONField(null=True)  # of `ShownControl`; null: not known
     thumbnail = models.BooleanField(default=False)  # beside it is a small picture
     # Retention leaves it alone. Null: nobody keeps it by hand
     kept_at = models.DateTimeField(_("kept"), null=True, blank=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -23,10 +23,11 @@ from fleet.accounts.services import erased
 from robots.recordings.models import Place, Recording
 from robots.recordings.services import stored
 from teleop.models import ControlSession, RecordingShare
-from teleop.recordings.selectors import Part, Sight, recordings_about, sessions_in, without_erased
+from teleop.recordings.selectors import Part, Sight, parts_of, recordings_about, sessions_in, without_erased
 from teleop.recordings.times import ns_of
 
 END_NS = 2**63 - 1  # of time
+ROUNDED_NS = 1_000_000  # by which the row's ends may differ from those of its file
 
 
 @receiver(erased)
@@ -79,11 +80,16 @@ def _shows_others(recording: Recording, is_owner: bool) -> bool:
 
 
 def _take_out(recording: Recording, user: User | None, names: Collection[str]) -> None:
-    gone = [one for one in sessions_in(recording) if one.user.username.startswith(ERASED)]
+    gone = [
+        gap
+        for one in sessions_in(recording)
+        if one.user.username.startswith(ERASED)
+        for gap in _gaps(one, recording)
+    ]
     recording.events = [
         event | {"by": "", "text": ""} if _names_one(event, names) else event
         for event in recording.events
-        if not any(_covers(one, event["at"]) for one in gone)
+        if not any(begin <= event["at"] * 1e9 < end for begin, end in gone)
     ]
     if user is not None and recording.person_id == user.pk:
         recording.person, recording.reason = None, ""
@@ -94,12 +100,20 @@ def _take_out(recording: Recording, user: User | None, names: Collection[str]) -
     transaction.on_commit(partial(_remove_downloads, recording.pk))
 
 
-def _around(gone: list[ControlSession]) -> list[tuple[int, int]]:
-    """Return the times without these sessions, the earliest first."""
+def _gaps(session: ControlSession, recording: Recording) -> Iterator[tuple[int, int]]:
+    """Yield the times of a recording that show a session; the row's ends are rounded, so those times go beyond them."""
+    for part in parts_of(session, recording):
+        begin_ns, end_ns = ns_of(part.begins_at), ns_of(part.ends_at) + 1
+        begins, ends = part.begins_at <= recording.begins_at, part.ends_at >= recording.ends_at
+        yield begin_ns - ROUNDED_NS if begins else begin_ns, END_NS if ends else end_ns
+
+
+def _around(gone: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return the times without these, the earliest first."""
     stays, begin_ns = [], 0
-    for session in gone:
-        stays.append((begin_ns, ns_of(session.started_at)))
-        begin_ns = max(begin_ns, ns_of(session.ended_at) + 1 if session.ended_at else END_NS)
+    for begin, end in sorted(gone):
+        stays.append((begin_ns, begin))
+        begin_ns = max(begin_ns, end)
     return [(begin, end) for begin, end in [*stays, (begin_ns, END_NS)] if begin < end]
 
 
@@ -124,8 +138,3 @@ def _names_one(event: dict[str, Any], names: Collection[str]) -> bool:
 
 def _word_of(names: Collection[str], text: str) -> bool:
     return bool(names) and re.search(rf"(?<!\w)(?:{'|'.join(map(re.escape, names))})(?!\w)", text) is not None
-
-
-def _covers(session: ControlSession, at_s: float) -> bool:
-    ended_s = session.ended_at.timestamp() if session.ended_at else float("inf")
-    return session.started_at.timestamp() <= at_s <= ended_s

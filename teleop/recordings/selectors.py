@@ -8,7 +8,7 @@ in it sees only the time of their own sessions. Nobody sees the sessions of peop
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 from uuid import UUID
 
@@ -108,12 +108,12 @@ def sights_of(
         if recording.pk in by_role:
             return Sight(recording, True, whole, True)
         mine = recording.person_id == user.pk
-        shown = [one for one in sessions if _overlap(one, recording)]
+        shown = [one for one in sessions if parts_of(one, recording)]
         if mine and all(session.user_id == user.pk for session in shown):
             return Sight(recording, True, whole, True)
         if recording.pk in shared:
             return Sight(recording, True, whole, mine)
-        parts = [_clipped(session, recording) for session in shown if session.user_id == user.pk]
+        parts = [part for one in shown if one.user_id == user.pk for part in parts_of(one, recording)]
         return Sight(recording, False, parts, False, tells_owner=mine) if parts else None
 
     return without_erased([sight(recording) for recording in recordings])
@@ -127,10 +127,10 @@ def own_parts(user: User, recordings: Sequence[Recording]) -> list[list[Part]]:
     sessions = _sessions(recordings)
 
     def parts(recording: Recording) -> list[Part]:
-        shown = [one for one in sessions if _overlap(one, recording)]
+        shown = [one for one in sessions if parts_of(one, recording)]
         if recording.person_id == user.pk and all(session.user_id == user.pk for session in shown):
             return [Part(recording.begins_at, recording.ends_at)]
-        return [_clipped(session, recording) for session in shown if session.user_id == user.pk]
+        return [part for one in shown if one.user_id == user.pk for part in parts_of(one, recording)]
 
     return [parts(recording) for recording in recordings]
 
@@ -142,7 +142,7 @@ def recordings_about(user: User) -> QuerySet[Recording]:
 
 def sessions_in(recording: Recording) -> list[ControlSession]:
     """Return the control sessions of the robot that a recording shows, the earliest first."""
-    return _sessions([recording])
+    return [one for one in _sessions([recording]) if parts_of(one, recording)]
 
 
 def recordings_of_session(session: ControlSession) -> QuerySet[Recording]:
@@ -166,13 +166,10 @@ def _sessions(recordings: Sequence[Recording], **chosen: str) -> list[ControlSes
     for one in recordings:
         over = Q(ended_at=None) | Q(ended_at__gt=one.begins_at)
         shown |= Q(robot=one.robot_id, started_at__lt=one.ends_at) & over
+        if one.controls:
+            shown |= Q(pk__in={control["session"] for control in one.controls})
     found = ControlSession.objects.filter(shown, **chosen)
     return list(found.select_related("user").order_by("started_at"))
-
-
-def _overlap(session: ControlSession, recording: Recording) -> bool:
-    is_over = session.ended_at is not None and session.ended_at <= recording.begins_at
-    return session.robot_id == recording.robot_id and session.started_at < recording.ends_at and not is_over
 
 
 def of_courses(reader: Reader, recordings: Sequence[Recording]) -> set[UUID]:
@@ -219,9 +216,24 @@ def _shows(user: User) -> Q:
     return Q(Exists(begun)) | Q(Exists(last))
 
 
-def _clipped(session: ControlSession, recording: Recording) -> Part:
-    ended_at = session.ended_at or recording.ends_at
-    return Part(max(session.started_at, recording.begins_at), min(ended_at, recording.ends_at))
+def parts_of(session: ControlSession, recording: Recording) -> list[Part]:
+    """Return the parts of a recording that show a control session.
+
+    The recorder notes them by the clock of the file. Of a cut file they are not known: there the times of the session
+    hold, which are those of the web process.
+    """
+    if session.robot_id != recording.robot_id:
+        return []
+    if recording.controls is None:
+        times = [(session.started_at, session.ended_at or recording.ends_at)]
+    else:
+        times = [
+            (datetime.fromtimestamp(one["begins"], UTC), datetime.fromtimestamp(one["ends"], UTC))
+            for one in recording.controls
+            if one["session"] == str(session.pk)
+        ]
+    parts = [Part(max(begin, recording.begins_at), min(end, recording.ends_at)) for begin, end in times]
+    return [part for part in parts if part.begins_at < part.ends_at]
 
 
 def without_erased(sights: list[Sight | None]) -> list[Sight | None]:
@@ -230,11 +242,12 @@ def without_erased(sights: list[Sight | None]) -> list[Sight | None]:
     erased = _sessions(seen, user__username__startswith=ERASED)
 
     def left(sight: Sight | None) -> Sight | None:
-        if sight is None or not (hidden := [one for one in erased if _overlap(one, sight.recording)]):
+        if sight is None or not (
+            hidden := [part for one in erased for part in parts_of(one, sight.recording)]
+        ):
             return sight
         parts = sight.parts
-        for session in hidden:
-            gap = _clipped(session, sight.recording)
+        for gap in hidden:
             parts = [piece for part in parts for piece in _around(part, gap)]
         return sight._replace(whole=False, parts=parts) if parts else None
 

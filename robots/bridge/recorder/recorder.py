@@ -40,7 +40,7 @@ from robots.bridge.recorder.recorder_messages import (
     goes_on,
     origin_of,
 )
-from robots.bridge.recorder.ring import Latched, Message, Origin, Ring, picture_gap_s
+from robots.bridge.recorder.ring import KEPT_S, Latched, Message, Origin, Ring, picture_gap_s
 from robots.bridge.recorder.take import Take
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace, Topics
@@ -110,6 +110,7 @@ class Recorder:
         self._follow = follow
         self._lock = threading.RLock()
         self._control = InControl()
+        self._controls: list[tuple[int, str]] = []  # its changes in the last minute: when, and the session
         self._box_until_s = 0.0  # without control
         self._ring: Ring | None = None
         self._contacts = Contacts()
@@ -192,14 +193,23 @@ class Recorder:
                     log.warning("%s is reported again: %s", recording, error)
 
     def _take_control(self, control: InControl) -> None:
+        now_ns = time.monotonic_ns()
         with self._lock:
             self._control = control
+            self._controls = [*self._controls_since(now_ns - int(KEPT_S * 1e9)), (now_ns, control.session)]
+            for take in self._takes:
+                take.control(now_ns, control.session)
             if control.person:
                 self._ring = self._ring or Ring()
                 self._box_state = structs.replace(self._box_state, kept=0, dropped=0, refusal=None)
             else:
                 self._box_until_s = time.monotonic() + LINGER_S
             self._follow_wanted()
+
+    def _controls_since(self, from_ns: int) -> list[tuple[int, str]]:
+        """Return the changes of control since then, and the last one before."""
+        before = [change for change in self._controls if change[0] < from_ns]
+        return [*before[-1:], *(change for change in self._controls if change[0] >= from_ns)]
 
     def _keep(self, happened: Happened) -> None:
         """Keep what was before an event, and what follows. It is noted in a recording on request, too."""
@@ -251,6 +261,8 @@ class Recorder:
             opened=lambda: self._answer(take, None),
         )
         take.mark(happened.event, happened.at_ns, happened.text, happened.by)
+        for change in self._controls_since(from_ns):
+            take.control(*change)
         for origin, count in ring.missing_since(from_ns).items():
             take.missed(origin, count)
         self._takes.add(take)
@@ -309,6 +321,8 @@ class Recorder:
             self._removed,
             opened=lambda: self._say(Begun(order.recording)),
         )
+        for change in self._controls[-1:]:
+            take.control(*change)
         self._takes.add(take)
         take.start(latched)
         return take

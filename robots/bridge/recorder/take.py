@@ -19,7 +19,7 @@ from robots.bridge.recorder.files.mcap_file import CHUNK_BYTES, MOST_CHANNELS, M
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
 from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
-from robots.shared.records.record_sink import ABOUT, KeptEvent, RecordedTopic, TakenRecording
+from robots.shared.records.record_sink import ABOUT, KeptEvent, RecordedTopic, ShownControl, TakenRecording
 from robots.shared.wire import RecordingEvent, Refusal
 
 log = logging.getLogger(__name__)
@@ -67,6 +67,7 @@ class Take:
         self._removed = removed
         self._opened = opened
         self.is_open = False
+        self._controls: list[tuple[int, str]] = []  # changes of control: when, and the session
         self._lock = threading.Condition()
         self._first: deque[Message] = deque()
         self._waiting: deque[Message] = deque()
@@ -107,6 +108,11 @@ class Take:
             kept = KeptEvent(event, self._clock.log_ns(at_ns) / 1e9, text, by)
             if len(self.about.events) < MOST_EVENTS:
                 self.about = structs.replace(self.about, events=[*self.about.events, kept])
+
+    def control(self, at_ns: int, session: str) -> None:
+        """Note that this control session began; empty: the one before ended."""
+        with self._lock:
+            self._controls.append((at_ns, session))
 
     def leave_out(self, count: int) -> None:
         """Note that so many topics are not in it."""
@@ -271,11 +277,22 @@ class Take:
             ended_by=self.about.ended_by or (self.refusal.text if self.refusal else ""),
             thumbnail=picture is not None,
             name=draft.path.with_suffix(".mcap").name,
+            controls=self._shown_controls(),
         )
         file.metadata(ABOUT, {"taken": wire.encode(taken).decode()})
         file.finish()
         self._directory.publish(draft)
         return structs.replace(taken, bytes=file.at)
+
+    def _shown_controls(self) -> list[ShownControl]:
+        with self._lock:
+            changes = [(self._clock.log_ns(at_ns) / 1e9, session) for at_ns, session in self._controls]
+        ends = [*(begins for begins, _ in changes[1:]), max(self._ends_ns / 1e9, self.about.ends)]
+        return [
+            ShownControl(session, begins, end)
+            for (begins, session), end in zip(changes, ends, strict=False)
+            if session
+        ]
 
 
 def _channel(file: McapFile, origin: Origin) -> int:

@@ -128,6 +128,14 @@ class KeptEvent(Struct, frozen=True):
     by: str = ""  # who did it, for a stop or "Keep this"
 
 
+class ShownControl(Struct, frozen=True):
+    """A time of a recording in which somebody had control, by the clock of its file."""
+
+    session: str
+    begins: float  # Unix time, s
+    ends: float
+
+
 class TakenRecording(Struct, frozen=True, tag=True):
     """A finished recording: one MCAP file. The file has the same in its metadata `fleet`."""
 
@@ -153,6 +161,8 @@ class TakenRecording(Struct, frozen=True, tag=True):
     cut: bool = False  # its process broke: its last second may be missing
     ended_by: str = ""  # why it ended, in English, if nobody asked for it
     thumbnail: bool = False
+    # The clock of the web process that notes sessions may differ. None: not known, because it was cut
+    controls: list[ShownControl] | None = None
 
 
 # Decisions of people about a finished file

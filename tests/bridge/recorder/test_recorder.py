@@ -122,6 +122,26 @@ def test_all_events_of_a_box_have_the_clock_of_its_file(bench) -> None:
     assert 0.0 <= gate.at - stop.at < 60.0
 
 
+def test_a_recording_says_who_had_control_when_by_its_own_clock(bench) -> None:
+    bench.tell(InControl("person-1", "session-1"))
+    bench.arrives()
+    order = wire.LinkRecord(uuid4(), 600.0, "all", "Ada", "person-1")
+    bench.tell(Begin(order))
+    real = time.time_ns
+    with patch("time.time_ns", lambda: real() + 3600 * 10**9):  # somebody sets the time of day
+        bench.tell(InControl("person-2", "session-2"))
+        bench.arrives()
+        bench.tell(happens("stop"))
+        bench.tell(InControl())
+        bench.arrives()
+        bench.recorder.close(5.0)
+    for taken in bench.finished(2):
+        first, second = taken.controls
+        assert (first.session, second.session) == ("session-1", "session-2")
+        assert first.ends == second.begins < second.ends <= taken.ends
+        assert taken.begins - 1.0 < first.ends < taken.begins + 60.0
+
+
 def test_a_recording_on_request_has_its_events_also_without_control(bench) -> None:
     order = wire.LinkRecord(uuid4(), 600.0, "all", "Ada", "person-1")
     bench.tell(Begin(order))

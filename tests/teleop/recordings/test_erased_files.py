@@ -178,7 +178,8 @@ def test_a_file_that_must_lose_more_is_cut_again(
     [first] = file_cuts()
     account_erase(user=second_operator, actor=staff)
     file_cut(structs.replace(first, taken=cut_file(first)))
-    assert [len(first.stays), *(len(cut.stays) for cut in file_cuts())] == [2, 3]
+    [second] = file_cuts()
+    assert second.stays != first.stays
     cut_now()
     assert file_cuts() == []
     assert parts_of(Path(recording.directory, recording.file).read_bytes())[0] == [3, 4, 5, 6]

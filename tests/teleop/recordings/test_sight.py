@@ -81,6 +81,26 @@ def test_each_student_sees_the_time_of_their_own_sessions(
     assert list(recordings_of_session(mine)) == list(recordings_of_session(theirs)) == [recording]
 
 
+def test_the_clock_of_the_file_says_who_had_control_when(
+    recorded: Any, robot: Robot, operator: User, second_operator: User
+) -> None:
+    mine, theirs = (
+        session(robot, operator, 2, 12),
+        session(robot, second_operator, 12, 40),
+    )  # two minutes late
+    controls = [
+        {"session": str(one.pk), "begins": at(begins).timestamp(), "ends": at(ends).timestamp()}
+        for one, begins, ends in ((mine, 0, 10), (theirs, 10, 20), (mine, 20, 25))
+    ]
+    recording = recorded(controls=controls)
+    sights = [sight_of(person, recording) for person in (operator, second_operator)]
+    assert [sight and sight.parts for sight in sights] == [
+        [Part(at(0), at(10)), Part(at(20), at(25))],
+        [Part(at(10), at(20))],
+    ]
+    assert sight_of(second_operator, recorded(controls=controls[:1])) is None
+
+
 def test_staff_and_supervisors_see_all(
     recorded: Any, robot: Robot, operator: User, staff: User, supervisor: User
 ) -> None:
