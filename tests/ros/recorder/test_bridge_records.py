@@ -88,6 +88,8 @@ def test_a_stop_in_a_drive_is_kept_with_the_chain(bridge, directory) -> None:
     assert any(view.state.odometry.vx > 0.1 for view in views) and views[0].scan is not None
     assert views[-1].state.stop.state != "clear"
     assert path.with_suffix(".jpg").exists() is False  # this robot has no camera
+    taken = read(path)
+    assert taken is not None and [control.session for control in taken.controls or ()] == [taken.session]
 
 
 def test_a_recording_outlives_its_recorder(bridge, directory) -> None:
