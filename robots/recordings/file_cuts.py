@@ -7,6 +7,7 @@ from uuid import UUID
 import msgspec
 from django.db import transaction
 from django.utils import timezone
+from msgspec import structs
 
 from robots.recordings.models import Place, Recording
 from robots.recordings.services import moment_of, taken_of
@@ -22,7 +23,17 @@ def file_cuts(after: UUID | None = None, place: Place = Place.DIRECTORY) -> list
         rows = rows.exclude(file="")
     if after is not None:
         rows = rows.filter(pk__gt=after)
-    return [FileCut(taken_of(row), msgspec.convert(row.stays, list[tuple[int, int]])) for row in rows[:MOST]]
+    return [_cut_of(row) for row in rows[:MOST]]
+
+
+def _cut_of(row: Recording) -> FileCut:
+    taken, stays = taken_of(row), msgspec.convert(row.stays, list[tuple[int, int]])
+    controls = [
+        one
+        for one in taken.controls or ()
+        if any(begin <= (one.begins + one.ends) / 2 * 1e9 < end for begin, end in stays)
+    ]
+    return FileCut(structs.replace(taken, controls=controls), stays)
 
 
 @transaction.atomic
@@ -32,10 +43,8 @@ def file_cut(done: FileCut) -> None:
     row = Recording.objects.select_for_update(of=("self",), no_key=True).filter(pk=taken.recording).first()
     if row is None:
         return
-    if (
-        row.place == Place.GONE
-    ):  # meanwhile: it is removed once more, in case that the new file came after that
-        row.file = taken.name
+    if row.place == Place.GONE:
+        row.file = taken.name  # the new file may have come after the removal: it is removed once more
     elif not taken.bytes:
         row.place, row.deleted_at, row.file, row.stays = Place.GONE, timezone.now(), "", None
     else:
@@ -44,16 +53,4 @@ def file_cut(done: FileCut) -> None:
         row.begins_at, row.ends_at = moment_of(taken.begins), moment_of(taken.ends)
         row.topics, row.bytes = msgspec.to_builtins(taken.topics), taken.bytes
         row.thumbnail = taken.thumbnail
-    row.save(
-        update_fields=[
-            "place",
-            "deleted_at",
-            "file",
-            "stays",
-            "begins_at",
-            "ends_at",
-            "topics",
-            "bytes",
-            "thumbnail",
-        ]
-    )
+    row.save()

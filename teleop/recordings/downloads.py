@@ -166,6 +166,7 @@ def _about(sight: Sight, wanted: Wanted, user: User) -> TakenRecording:
         bytes=0,
         name="",
         topics=[],
+        controls=None,
         events=[
             event if event.by in ("", user.display_name) else structs.replace(event, by="", text="")
             for event in events

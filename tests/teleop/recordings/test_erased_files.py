@@ -21,7 +21,7 @@ from robots.recordings.file_cuts import file_cut, file_cuts
 from robots.recordings.models import Place, Recording
 from robots.recordings.services import file_changes, recording_store, taken_of
 from robots.registry.models import Robot
-from robots.shared.records.record_sink import FileCut, KeptEvent, TakenRecording
+from robots.shared.records.record_sink import FileCut, KeptEvent, ShownControl, TakenRecording
 from teleop.recordings import downloads
 from tests.robots.recordings.samples import SECOND, sample
 from tests.teleop.recordings.test_door import content, get
@@ -79,9 +79,12 @@ def test_a_file_loses_the_erased_person_and_so_does_each_download(
     made: Any, robot: Robot, operator: User, second_operator: User, staff: User
 ) -> None:
     name, number = operator.display_name, str(operator.pk)
-    session(robot, operator, -1, 4 / 60)
-    session(robot, second_operator, 4 / 60, 8 / 60)
+    hers, his = session(robot, operator, -1, 4 / 60), session(robot, second_operator, 4 / 60, 8 / 60)
     recording = made(
+        controls=[
+            ShownControl(str(hers.pk), BEGAN_S, BEGAN_S + 4.0),
+            ShownControl(str(his.pk), BEGAN_S + 4.0, BEGAN_S + 8.0),
+        ],
         person=number,
         session=str(uuid4()),
         booking=str(uuid4()),
@@ -101,7 +104,8 @@ def test_a_file_loses_the_erased_person_and_so_does_each_download(
         cut_now()
     data = Path(recording.directory, recording.file).read_bytes()
     assert parts_of(data)[0] == [4, 5, 6, 7, 8, 9]
-    assert not any(word.encode() in data for word in (name, number, "Her words"))
+    assert not any(word.encode() in data for word in (name, number, "Her words", str(hers.pk)))
+    assert str(his.pk).encode() in data
     recording.refresh_from_db()
     assert recording.stays is None and recording.bytes == len(data)
     assert recording.begins_at == BEGAN + timedelta(seconds=4)
@@ -109,7 +113,7 @@ def test_a_file_loses_the_erased_person_and_so_does_each_download(
     assert {topic["topic"]: topic["messages"] for topic in recording.topics}["/odom"] == 59
     assert file_cuts() == []
     seconds, about = parts_of(content(get(second_operator, recording, "/file")))
-    assert seconds == [4, 5, 6, 7, 8] and about.person == ""
+    assert seconds == [4, 5, 6, 7, 8] and (about.person, about.controls) == ("", None)
 
 
 def test_made_downloads_go_with_the_person(
