@@ -196,8 +196,8 @@ class RecorderClient:
 
     @property
     def wants_view(self) -> bool:
-        """Return whether views must be made although nobody looks."""
-        return self._place is not None and (self._control is not None or self._order is not None)
+        """Return whether views must be made although nobody looks. The box goes on for a while after control."""
+        return self._place is not None and (self._needs or self._black_box is not None)
 
     def observe(self, state: wire.State, held: Held | None, now_s: float) -> None:
         """Notice events in the robot's state."""

@@ -1,6 +1,6 @@
 /** The camera of a replay: one picture is read at a time, then the one of the moment by then. */
 
-import { make, show } from "../lib/dom.js";
+import { make, setTextOrHide, show } from "../lib/dom.js";
 import { topics } from "./channels.js";
 
 const STEP_S = 0.25; // two moments this close show the same picture
@@ -41,7 +41,7 @@ export class RecordedPictures {
     const pictures = channels.filter(({ picture, messages }) => picture && messages);
     const choice = this.#parts["camera-topic"];
     choice.replaceChildren(...topics(pictures).map((topic) => make("option", { text: topic })));
-    show(choice, pictures.length > 0);
+    show(choice, topics(pictures).length > 1);
     choice.value = firstPicture(pictures);
     this.#want();
   }
@@ -70,7 +70,10 @@ export class RecordedPictures {
   #done(isThere) {
     this.#isReading = false;
     show(this.#parts.camera, isThere);
-    show(this.#parts["camera-words"], !isThere);
+    setTextOrHide(
+      this.#parts["camera-words"],
+      isThere ? "" : gettext("No picture was recorded until this moment."),
+    );
     this.#read();
   }
 }

@@ -72,7 +72,7 @@ class FieldOverTime {
       scales: { x: { time: false, range: () => this.#window } },
       axes: [
         { ...axis, size: 24, values: (_, splits) => splits.map((at) => `${at} s`) },
-        { ...axis, size: 56 },
+        { ...axis, size: (_, labels) => Math.max(56, ...(labels ?? []).map(widthOf)) },
       ],
       series: [{}, { stroke: line, width: 2, points: { show: false } }],
       hooks: { draw: [(drawn) => this.#drawMoment(drawn, mark)] },
@@ -154,6 +154,11 @@ export class RecordedPlots {
       setTextOrHide(this.#parts["plot-words"], error.message);
     }
   }
+}
+
+/** Return the room (pixels) of a number beside its axis. */
+function widthOf(label) {
+  return 20 + 7 * (label?.length ?? 0);
 }
 
 function offer(select, name, values) {

@@ -11,6 +11,7 @@ import { Player } from "./player.js";
 import { RecordedPictures } from "./recorded_pictures.js";
 import { RecordedPlots } from "./recorded_plots.js";
 import { RecordedViews } from "./recorded_views.js";
+import { saysOf } from "./recording_words.js";
 import { Timeline } from "./timeline.js";
 
 const STEP_S = 0.1; // of the buttons; views are so far apart
@@ -174,12 +175,6 @@ class Replay {
   #say(text) {
     setTextOrHide(this.#parts.problem, text);
   }
-}
-
-function saysOf({ state }) {
-  const { verdict, text } = state;
-  const holds = !["free", "idle"].includes(verdict.code);
-  return holds ? verdict.text : text;
 }
 
 const root = document.querySelector("[data-page=recording]");

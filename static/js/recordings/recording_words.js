@@ -1,4 +1,4 @@
-/** A recording that goes on, in words. Pure. */
+/** Recordings in words. Pure. */
 
 import { number } from "../formats/numbers.js";
 import { spanText } from "../formats/spans.js";
@@ -55,4 +55,10 @@ export function blackBoxText(box) {
     ),
     [box.seconds ?? 0],
   );
+}
+
+/** Return what a recorded view says of the robot. A file names nobody: "…" stands for each name. */
+export function saysOf({ state: { verdict, text } }) {
+  const holds = !["free", "idle"].includes(verdict.code);
+  return (holds ? verdict.text : text).replace(/(?<!\S)…/g, gettext("somebody"));
 }

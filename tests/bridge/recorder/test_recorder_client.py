@@ -117,6 +117,16 @@ async def test_a_late_begin_is_ended_again(client, child, monkeypatch) -> None:
     begins(client, order())
 
 
+async def test_views_are_made_until_the_box_ends(client, child) -> None:
+    assert not client.wants_view
+    client.tick(GRANT, time.monotonic())
+    report(client, Progress(None, BlackBoxState(seconds=9)))
+    client.tick(None, time.monotonic())  # control has ended; what follows may be what somebody looks for
+    assert client.wants_view
+    report(client, Progress(None, None))
+    assert not client.wants_view
+
+
 async def test_a_recording_whose_time_ends_with_its_process_is_over(client, child) -> None:
     now_s = time.monotonic()
     for comes_back in (True, False):

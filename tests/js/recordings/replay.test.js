@@ -5,7 +5,7 @@ import { nearest, Player } from "../../../static/js/recordings/player.js";
 import { firstPicture, milliseconds } from "../../../static/js/recordings/recorded_pictures.js";
 import { plotted } from "../../../static/js/recordings/recorded_plots.js";
 import { RecordedViews } from "../../../static/js/recordings/recorded_views.js";
-import { goesOn, sizeText } from "../../../static/js/recordings/recording_words.js";
+import { goesOn, saysOf, sizeText } from "../../../static/js/recordings/recording_words.js";
 import { gaps } from "../../../static/js/recordings/timeline.js";
 
 const PARTS = [
@@ -130,4 +130,13 @@ it("knows whether a recording goes on", () => {
   expect(goesOn(null)).toBe(false);
   expect(goesOn({ left_s: 0, refusal: { code: "disk_gone" } })).toBe(false);
   expect(goesOn({ left_s: 60, refusal: { code: "disk_slow" } })).toBe(true);
+});
+
+describe("what a recorded view says", () => {
+  it("has a word where the file has no name", () => {
+    const state = { verdict: { code: "stopped", text: "Stopped by …." }, text: "stopped" };
+    expect(saysOf({ state })).toBe("Stopped by somebody.");
+    const cut = { verdict: { code: "free", text: "" }, text: "the first wor…" };
+    expect(saysOf({ state: cut })).toBe("the first wor…");
+  });
 });
