@@ -172,7 +172,9 @@ def test_who_waits_keeps_purpose_course_and_the_wish_to_record(
     browser, today = signed_in(stranger), lab_date()
     Course.objects.update(starts_on=today, ends_on=today + timedelta(days=13))
     monday = 24 * (7 - today.weekday())
-    assert signed_in(operator).post(reverse("booking-new"), fields(robot, monday), **JSON).status_code == 200
+    booked = signed_in(operator).post(reverse("booking-new"), fields(robot, monday, record="on"), **JSON)
+    assert booked.status_code == 200
+    assert "Recorded" in signed_in(operator).get(reverse("bookings-mine")).content.decode()
     asked = fields(robot, monday, course="thesis", purpose="night test", record="on")
     assert browser.post(reverse("bookings-waiting"), asked, **JSON).status_code == 200
     page = browser.get(reverse("bookings-mine")).content.decode()

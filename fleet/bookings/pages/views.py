@@ -221,7 +221,9 @@ def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
     course = get_object_or_404(courses_managed_by(person_of(request)), slug=slug)
     now = timezone.now()
     found = list(
-        Booking.objects.filter(course=course).select_related("robot", "person").order_by("-starts_at")[:MOST]
+        Booking.objects.filter(course=course)
+        .select_related("robot", "course", "person")
+        .order_by("-starts_at")[:MOST]
     )
     rows = _rows(found, {one.robot for one in found}, person_of(request), now)
     context = {
@@ -327,7 +329,6 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
         "sessions": _sessions_of(found, person),
-        "recorded": is_recorded(found),
         "opens": robots_visible_to(person).filter(pk=found.robot_id).exists(),
         "in_line": leads(person, found) or shares(found, person),
         "team": teams_of([found]).get(found.pk, []) if row["person"] else [],
@@ -361,6 +362,7 @@ def _rows(found: Iterable[Booking], robots: Any, viewer: User, now: datetime) ->
     for one in found:
         stage = stage_of(one, grace_of(policies[one.robot_id]), now)
         row = {"booking": one, "stage": stage, "words": _in_words(one), "begun": one.starts_at <= now}
+        row["recorded"] = is_recorded(one)
         rows.append({**row, "person": one.person if shows_person(reader, one, stage) else None})
     return rows
 

@@ -1,6 +1,6 @@
 /** The camera of a replay: one picture is read at a time, then the one of the moment by then. */
 
-import { make, setTextOrHide, show } from "../lib/dom.js";
+import { make, setText, setTextOrHide, show } from "../lib/dom.js";
 import { topics } from "./channels.js";
 
 const STEP_S = 0.25; // two moments this close show the same picture
@@ -42,6 +42,7 @@ export class RecordedPictures {
     const choice = this.#parts["camera-topic"];
     choice.replaceChildren(...topics(pictures).map((topic) => make("option", { text: topic })));
     show(choice, topics(pictures).length > 1);
+    if (!pictures.length) setText(this.#parts["camera-words"], gettext("No picture was recorded."));
     choice.value = firstPicture(pictures);
     this.#want();
   }

@@ -94,6 +94,7 @@ class Replay {
       if (!contents.has_views)
         this.#say(gettext("It has no plan: the console’s own topics were not recorded."));
     } catch (error) {
+      setText(this.#parts["camera-words"], "");
       this.#say(error.message);
     }
   }

@@ -152,6 +152,7 @@ class ShareRequest(Struct, frozen=True, forbid_unknown_fields=True):
     course: Words | None = None
 
 
+_NO_SUCH_NAME = Refusal("not_found", "No person and no course has this name.", "wire")
 _ONE_OF_BOTH = Refusal("invalid", "Name a person or a course, not both.", "wire")
 
 
@@ -258,8 +259,10 @@ class SharesView(RecordingBase):
         if (body.person is None) == (body.course is None):
             raise Problem(_ONE_OF_BOTH)
         recording = self.sight(recording_id).recording
-        person = get_object_or_404(User, username=body.person, is_active=True) if body.person else None
-        course = get_object_or_404(Course, slug=body.course) if body.course else None
+        person = User.objects.filter(username=body.person, is_active=True).first() if body.person else None
+        course = Course.objects.filter(slug=body.course).first() if body.course else None
+        if person is None and course is None:
+            raise Problem(_NO_SUCH_NAME)
         return _share(
             services.recording_share(recording=recording, actor=self.person, person=person, course=course)
         )

@@ -201,7 +201,7 @@ def test_it_is_kept_shared_and_deleted(
     expect(page.locator("[data-part=time]")).not_to_be_empty()
     page.get_by_label("User name, or short name").fill("nobody")
     page.get_by_role("button", name="Share", exact=True).click()
-    expect(page.locator("[data-part=change-problem]")).to_be_visible()
+    expect(page.locator("[data-part=change-problem]")).to_have_text("No person and no course has this name.")
     page.get_by_label("User name, or short name").fill(second_operator.username)
     page.get_by_role("button", name="Share", exact=True).click()
     expect(page.get_by_role("button", name="End sharing")).to_be_visible()
