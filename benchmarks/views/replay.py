@@ -75,9 +75,7 @@ async def _measure_on(stack: Stack) -> list[Figure]:
     staff = await asyncio.to_thread(sign_in, stack, "staff")
     async with Driver(stack, ROBOT, staff) as driver:
         await driver.until(lambda: driver.view and driver.view.scan)
-        assert driver.view is not None
-        state = structs.replace(driver.view.state, text="It stands.")  # the page says it when it has the view
-        view = wire.encode(structs.replace(driver.view, state=state))
+        view = _standing(driver.view)
     folder = stack.directory / "recordings"
     folder.mkdir(exist_ok=True)
     places = {"from the directory": str(folder), "through the shelf": "/nowhere"}
@@ -111,6 +109,13 @@ async def _measure_on(stack: Stack) -> list[Figure]:
                 Figure(f"opened {place}, worst of {MOMENTS}", max(took), "s"),
             ]
     return figures
+
+
+def _standing(view: wire.View | None) -> bytes:
+    """Return a view with a text, which the page says when it has the view."""
+    if view is None:
+        raise RuntimeError("there is no view")
+    return wire.encode(structs.replace(view, state=structs.replace(view.state, text="It stands.")))
 
 
 async def _opened(stack: Stack, cookie: str, address: str, path: Path) -> float:
