@@ -15,6 +15,7 @@ import urllib.parse
 from collections.abc import Iterator
 from contextlib import suppress
 from http.cookies import SimpleCookie
+from typing import Any
 
 import pytest
 from websockets.exceptions import WebSocketException
@@ -107,11 +108,16 @@ async def test_people_drive_watch_and_stop_through_any(people: People) -> None:
         await driver.release()
 
 
+def box(driver: Driver) -> Any:
+    return driver.state and driver.state.black_box
+
+
 async def test_a_recording_of_a_bridge_host_is_read_through_any(computers: Computers, people: People) -> None:
     async with people.page(SECOND) as driver:
         await driver.take()
+        await driver.until(lambda: box(driver) and box(driver).seconds, BACK_S)
         await driver.stop()
-        await driver.until(lambda: driver.state and driver.state.stop.state == "stopped", NEWS_S)
+        await driver.until(lambda: box(driver).keeps == "stop", NEWS_S)
         await driver.clear()
         await driver.release()
 
