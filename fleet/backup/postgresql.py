@@ -5,8 +5,10 @@ Its owner needs the right to make databases (CREATEDB) to check and restore; to 
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
+import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -33,6 +35,9 @@ class Postgresql:
     def __init__(self) -> None:
         self._name: str = connection.settings_dict["NAME"]
         self.folder = Path(settings.FLEET_VAR)
+        # Another computer may check its backups on this server meanwhile; this folder has one check at a time.
+        place = f"{socket.gethostname()}\n{self.folder.resolve()}"
+        self._beside = f"{self._name}_backup_{hashlib.sha256(place.encode()).hexdigest()[:8]}"
 
     def copy_to(self, file: Path) -> None:
         """Let pg_dump copy the database, not compressed: the archive is."""
@@ -51,7 +56,7 @@ class Postgresql:
     @contextmanager
     def restored(self, file: Path) -> Iterator[str]:
         """Let pg_restore fill a new database on the same server."""
-        name = f"{self._name}_backup_work"
+        name = self._beside
         self._make(name)
         try:
             how = (
@@ -73,7 +78,7 @@ class Postgresql:
         """
         connection.close()
         kept = f"{self._name}_before_{stamp or 'restore'}"
-        third = f"{self._name}_backup_names"
+        third = f"{self._beside}_names"
         self._make(third)
         try:
             with self._session(third) as session, session.transaction():

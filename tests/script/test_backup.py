@@ -27,6 +27,19 @@ renamed = postgresql._renamed
 postgresql._renamed = lambda old, new: renamed("none" if new == "other" else old, new)
 call_command("restore", "{archive}", "--replace")
 """
+# Another computer checks the archive while this one does.
+MEANWHILE = """
+import os, subprocess, sys
+from django.core.management import call_command
+from fleet.backup import checking
+verified = checking.verified
+def after_another(*words):
+    command = [sys.executable, "manage.py", "backup", "--check", "{archive}"]
+    subprocess.run(command, env=os.environ | {{"FLEET_VAR": "{other}"}}, check=True)
+    return verified(*words)
+checking.verified = after_another
+call_command("backup", "--check", "{archive}")
+"""
 PASSPHRASE = "correct horse battery staple"
 
 
@@ -75,6 +88,9 @@ def test_a_backup_of_postgresql_is_made_checked_and_restored(server: str, tmp_pa
     with psycopg.connect(server, dbname="fleet") as writer:  # others go on meanwhile
         writer.execute("UPDATE accounts_user SET project = 'not committed'")
         archive = console.run("backup", tmp_path, "--verify").split(": ")[0]
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    meanwhile = MEANWHILE.format(archive=archive, other=tmp_path / "elsewhere")
+    assert console.run("shell", "-c", meanwhile).count("all are as written") == 2
     new = Console(server, "other", "lab", tmp_path / "new")
     assert "all are as written" in new.run("restore", archive)
     assert new.rows("SELECT username FROM accounts_user ORDER BY 1") == people
