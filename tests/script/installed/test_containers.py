@@ -7,28 +7,34 @@ import re
 import shutil
 import signal
 import subprocess
+import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from script.stack.client import sign_in
 from script.stack.places import REPOSITORY
 from script.stack.processes import Child
 from script.stack.serve import arguments
 from script.stack.stack import Account
 from tests.processes import free_port, outside, until
-from tests.script.first_run import set_up
-from tests.script.installed.machine import INSTALLED_S, TRUSTED, empty_root, missing
+from tests.script.first_run import PAGE_S, set_up
+from tests.script.installed.compose import Compose, composed, network_apart
+from tests.script.installed.images import DEPLOY, IMAGE, build_console, build_servers, buildah, storage
+from tests.script.installed.machine import INSTALLED_S, missing
 from tests.script.support import Family
 
-DEPLOY = REPOSITORY / "deploy"
 STAFF = Account("first", "staff", "a long walk on the beach")
 STARTS_S = 120.0
 ENDED_S = 30.0
 USER = 900  # of the image, not root
-BASE, IMAGE = "localhost/fleet-test-base", "localhost/fleet-test"
+PODMAN = ("buildah", "podman", "runc", "ip")
+PAGE = (REPOSITORY / "docs" / "containers.md").read_text()
+NAME, SITE = "fleet.lab.example", "https://localhost"
 
 
 def test_compose_starts_roles_that_exist_behind_its_proxy() -> None:
@@ -40,8 +46,11 @@ def test_compose_starts_roles_that_exist_behind_its_proxy() -> None:
         assert one["cap_drop"] == ["ALL"] and one["read_only"]
     port = arguments(consoles[0]["command"]).port
     assert f"reverse_proxy 127.0.0.1:{port} " in (DEPLOY / "Caddyfile").read_text()
-    for name in ("database", "redis"):
-        assert all(port.startswith("127.0.0.1:") for port in services[name]["ports"])  # of this computer only
+    assert services["database"]["command"][-1] == "listen_addresses=127.0.0.1"  # of this computer only
+    assert services["redis"]["command"][-2:] == ["--bind", "127.0.0.1"]
+    assert {one["network_mode"] for one in services.values()} == {"host"}
+    # podman-restart.service starts these after a boot, and no others.
+    assert {one["restart"] for one in services.values()} == {"always"}
 
 
 def test_the_image_has_all_files_and_runs_as_its_own_user() -> None:
@@ -59,50 +68,20 @@ def test_secrets_and_data_stay_out_of_the_image() -> None:
     assert not (REPOSITORY / ".containerignore").exists()  # podman would prefer it
 
 
-def buildah(*words: str | Path, **options: Any) -> str:
-    command = ["buildah", *map(str, words)]
-    done = subprocess.run(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=INSTALLED_S, **options
-    )
-    assert done.returncode == 0, f"{' '.join(command)}:\n{done.stdout[-5000:]}"
-    return done.stdout.strip()
-
-
-@pytest.fixture
-def image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The built image, in a storage of its own."""
-    (tmp_path / "storage.conf").write_text(
-        f'[storage]\ndriver = "overlay"\ngraphroot = "{tmp_path}/images"\nrunroot = "{tmp_path}/run"\n'
-    )
-    (tmp_path / "policy.json").write_text('{"default": [{"type": "insecureAcceptAnything"}]}')
-    monkeypatch.setenv("CONTAINERS_STORAGE_CONF", str(tmp_path / "storage.conf"))
-    monkeypatch.setenv("BUILDAH_ISOLATION", "chroot")
-    base = buildah("from", "scratch")
-    buildah("add", "--quiet", base, empty_root(), "/")
-    buildah("copy", "--quiet", base, TRUSTED, TRUSTED)
-    for name in ("PIP_CERT", "NODE_EXTRA_CA_CERTS"):
-        buildah("config", "--env", f"{name}={TRUSTED}", base)
-    policy = ("--signature-policy", tmp_path / "policy.json")
-    buildah("commit", "--quiet", *policy, base, BASE)
-    build = [
-        "--file",
-        DEPLOY / "Containerfile",
-        "--build-arg",
-        f"BASE={BASE}",
-        "--build-arg",
-        "COMMIT=0123456789",
-    ]
-    buildah("build", "--network", "host", "--pull-never", *policy, *build, "--tag", IMAGE, REPOSITORY)
-    yield IMAGE
-    buildah("rm", "--all")
-    buildah("rmi", "--all", "--force")
+@pytest.fixture(scope="module")
+def policy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    """The console's built image, in a storage of its own; these are the words that trust it."""
+    with storage(tmp_path_factory.mktemp("images")) as policy:
+        build_console(policy)
+        yield policy
 
 
 @pytest.mark.timeout(INSTALLED_S)
 @pytest.mark.skipif(bool(missing("buildah")), reason=missing("buildah"))
-def test_the_image_is_built_and_runs_as_a_console(image: str, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("policy")
+def test_the_image_is_built_and_runs_as_a_console(tmp_path: Path) -> None:
     port = free_port()
-    container = buildah("from", "--pull-never", image)
+    container = buildah("from", "--pull-never", IMAGE)
     for setting in (f"FLEET_SECRET_KEY={'s' * 40}", "FLEET_HOSTS=localhost"):
         buildah("config", "--env", setting, container)
     log = tmp_path / "log"
@@ -124,3 +103,70 @@ def test_the_image_is_built_and_runs_as_a_console(image: str, tmp_path: Path) ->
         assert console.wait(ENDED_S)
     finally:
         console.kill_group()
+
+
+@pytest.mark.timeout(INSTALLED_S)
+@pytest.mark.skipif(bool(missing(*PODMAN)), reason=missing(*PODMAN))
+def test_compose_keeps_its_data_and_starts_again_what_dies(
+    policy: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build_servers(policy, tmp_path)
+    with composed(tmp_path) as compose, network_apart():  # pip needs the network
+        [backup] = re.findall(r"`podman-compose exec (console \S+ manage.py backup [^`]*)`", PAGE)
+        caddy = compose.folder / "Caddyfile"
+        caddy.write_text(caddy.read_text().replace(f"{NAME} {{", "localhost {"))
+        for line in re.findall(r"^ {7}(\(umask .*|echo FLEET_HOSTS.*)$", PAGE, re.MULTILINE):
+            subprocess.run(["bash", "-c", line.replace(NAME, "localhost")], cwd=compose.folder, check=True)
+        compose("up", "-d")
+        until(lambda: "One-time code" in compose.log("console"), "the code", STARTS_S)
+        volume = compose.podman("volume", "inspect", "--format", "{{.Mountpoint}}", "fleet_caddy").strip()
+        monkeypatch.setenv("SSL_CERT_FILE", f"{volume}/caddy/pki/authorities/local/root.crt")
+        set_up(compose.log("console"), STAFF, "TIAGo 42", "http://127.0.0.1:9")
+        assert "all are as written" in compose("exec", "-T", *backup.split())
+        compose("down")
+        compose("up", "-d")
+        until(is_served, "the console after down and up", STARTS_S)
+        browser = Browser()
+        assert "TIAGo 42" in browser.page("/robots/tiago-42/")
+        web = web_process(compose)
+        os.kill(web, signal.SIGKILL)
+        until(lambda: web_process(compose) not in (0, web), "another web process", STARTS_S)
+        until(is_served, "its answer", STARTS_S)
+        for service in ("redis", "database", "console"):
+            killed = compose.pid(service)
+            os.kill(killed, signal.SIGKILL)
+            until(lambda: compose.pid(service) not in (0, killed), f"{service} is back", ENDED_S)  # noqa: B023
+        until(is_served, "the console after kills", STARTS_S)
+        assert "TIAGo 42" in browser.page("/robots/tiago-42/")
+
+
+def web_process(compose: Compose) -> int:
+    """Return the process id of the console's web process here; 0 if there is none."""
+    with suppress(ValueError):
+        return Family(compose.pid("console")).named("fleet.server --verbosity")
+    return 0
+
+
+def is_served() -> bool:
+    """Return whether the console answers through Caddy."""
+    try:
+        with urllib.request.urlopen(f"{SITE}/healthz", timeout=PAGE_S):  # noqa: S310
+            return True
+    except OSError:
+        return False
+
+
+class Browser:
+    """The first admin's browser, signed in through Caddy."""
+
+    url, port, hosts, certificate = SITE, 443, ("localhost",), None  # SSL_CERT_FILE has the authority
+    accounts = {STAFF.username: STAFF}
+
+    def __init__(self) -> None:
+        self._cookie = sign_in(self, STAFF.username)
+
+    def page(self, path: str) -> str:
+        request = urllib.request.Request(f"{SITE}{path}", headers={"Cookie": self._cookie})  # noqa: S310
+        with urllib.request.urlopen(request, timeout=PAGE_S) as page:  # noqa: S310
+            shown: str = page.read().decode()
+            return shown
