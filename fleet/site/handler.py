@@ -32,7 +32,7 @@ PIECE_BYTES = 65536  # of a file
 log = logging.getLogger(__name__)
 
 # Not the one thread of all other synchronous work: a disk or a store of recordings may not answer for seconds
-_files = ThreadPoolExecutor(8, "file")
+file_readers = ThreadPoolExecutor(8, "file")
 
 
 class OneThreadHandler:
@@ -227,7 +227,7 @@ async def _parts(response: Any) -> AsyncIterator[bytes]:
     following = sync_to_async(lambda: next(parts, None))
     if isinstance(response, FileResponse):
         response.block_size = PIECE_BYTES
-        following = sync_to_async(lambda: next(parts, None), thread_sensitive=False, executor=_files)
+        following = sync_to_async(lambda: next(parts, None), thread_sensitive=False, executor=file_readers)
     while (part := await following()) is not None:
         yield part
 

@@ -96,8 +96,11 @@ def course_save(
 def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
     """Archive a course (its roles end at once), or open it again."""
     if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
-        kind = "course.archive" if archived else "course.reopen"
-        record(kind, actor=actor, parameters={"course": course.slug})
+        parameters = {"course": course.slug}
+        if archived:
+            record("course.archive", actor=actor, parameters=parameters)
+        else:
+            record("course.reopen", actor=actor, parameters=parameters)
         publish_access_changed(_people_of(course))
         if not archived:
             course_opened.send(sender=Course, course=course)

@@ -38,7 +38,7 @@ INDIRECT = {
         f"{what}.{step}" for what in ("group", "course", "qualification") for step in ("create", "change")
     },
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set", "parameter.delete"},
-    ("teleop/recordings/requests.py", "kind"): {"recording.begin", "recording.end", "recording.mark"},
+    ("teleop/recordings/orders/requests.py", "kind"): {"recording.begin", "recording.end", "recording.mark"},
     ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/records/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     ("teleop/alerts/telling.py", "f'alert.{what}'"): {"alert.begin", "alert.still", "alert.over"},
@@ -53,8 +53,8 @@ INDIRECT = {
     ("teleop/webhooks/services.py", "kind"): set(),
     ("teleop/push/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
-    ("teleop/recordings/requests.py", "begun.kind"): set(),
-    ("teleop/recordings/of_bookings.py", "begun.kind"): set(),
+    ("teleop/recordings/orders/requests.py", "begun.kind"): set(),
+    ("teleop/recordings/orders/housekeeping.py", "begun.kind"): set(),
     ("robots/bridge/link_handler.py", "message"): set(),  # begins a recording of the robot's topics
 }
 
