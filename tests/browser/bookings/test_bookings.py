@@ -60,9 +60,10 @@ def book(stack: Stack):
             database.commit()
 
         def end_in(seconds: float) -> None:
-            """Change the end of all slots to this number of seconds from now, as if they had been booked so."""
+            """End all slots that have begun this number of seconds from now, as if they had been booked so."""
             ends = str(datetime.now(UTC).replace(tzinfo=None) + timedelta(seconds=seconds))
-            database.execute("UPDATE bookings_booking SET ends_at = ?, held_until = ?", [ends, ends])
+            changed = "UPDATE bookings_booking SET ends_at = ?, held_until = ? WHERE starts_at < ?"
+            database.execute(changed, [ends, ends, ends])
             database.commit()
 
         store.free, store.end_in = free, end_in
