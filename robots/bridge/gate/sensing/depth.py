@@ -274,7 +274,7 @@ def _rise(picture: Picture, to_base: Transform) -> Floats:
     return _rises(*_looks(picture, to_base))
 
 
-# What the camera's pose and lens alone decide is computed once while the head rests: the last two cameras' are kept.
+# Facts of the camera's pose and lens alone are computed once while the head rests: the last two cameras' are kept.
 
 
 def _looks(picture: Picture, to_base: Transform) -> tuple[bytes, bytes, bytes]:
