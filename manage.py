@@ -8,7 +8,8 @@ from django.core.exceptions import ImproperlyConfigured
 from django.core.management import execute_from_command_line
 from django.db import OperationalError
 
-from fleet.base import schema, version
+from fleet.base import version
+from fleet.base.database import schema
 
 
 def main() -> None:

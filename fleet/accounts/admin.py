@@ -32,7 +32,7 @@ from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base import zones
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 
 # Django's groups are not used: people have roles on single robots, and staff may do everything. The other
 # tables belong to django-allauth: people change their own second factor and address, and the settings name

@@ -17,7 +17,8 @@ from django.utils.translation import gettext as _
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.requests import GetResponse, wants_json
-from fleet.base import languages, origin, zones
+from fleet.base import languages, zones
+from fleet.base.web import origin
 
 logger = logging.getLogger(__name__)
 

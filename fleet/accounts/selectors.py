@@ -12,7 +12,7 @@ from django.utils.crypto import constant_time_compare
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.tokens.services import valid_tokens
-from fleet.base import rows
+from fleet.base.database import rows
 
 _SIGN_INS = """
 SELECT u.*, s.session_id, s.auth_hash

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil
 from typing import Final
 
-from fleet.base.schema import SchemaRefused
+from fleet.base.database.schema import SchemaRefused
 from robots.shared.sentences import say
 
 # Instead of words, because those of the error name migrations.

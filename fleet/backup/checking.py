@@ -13,7 +13,8 @@ from fleet.backup.contents import heads_in
 from fleet.backup.databases import Database, connected_to, database
 from fleet.backup.errors import BackupError
 from fleet.backup.workplace import workplace
-from fleet.base import schema, version
+from fleet.base import version
+from fleet.base.database import schema
 
 
 class Checked(Struct, frozen=True):

@@ -415,7 +415,7 @@ def database(url: str) -> dict[str, Any]:
             "FLEET_DATABASE_URL must look like sqlite:////path/fleet.sqlite3 or postgresql://user:password@host/name."
         )
     if parts.scheme == "sqlite":
-        return {"ENGINE": "fleet.base.sqlite", "NAME": name, "OPTIONS": dict(SQLITE_OPTIONS)}
+        return {"ENGINE": "fleet.base.database.sqlite", "NAME": name, "OPTIONS": dict(SQLITE_OPTIONS)}
     return {
         "ENGINE": "django.db.backends.postgresql",
         "NAME": name,

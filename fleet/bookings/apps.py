@@ -13,7 +13,7 @@ class BookingsConfig(AppConfig):
     def ready(self) -> None:
         """Register the triggers and the receivers."""
         from fleet.audit.integrity import triggers
-        from fleet.base.time_takers import use_door
+        from fleet.base.web.time_takers import use_door
         from fleet.bookings import overlaps
         from fleet.bookings.changes import policy_changes, waiting_list  # noqa: F401 - they receive signals
         from fleet.bookings.losses import lost_rights, undo  # noqa: F401 - they receive signals

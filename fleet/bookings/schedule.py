@@ -13,7 +13,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Struct, convert
 
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.bookings.models import OutOfService, Policy, Shared, State
 from fleet.bookings.rules import FAR, LONGEST, Slot, Taken
 from fleet.bookings.selectors import held_slot, why_out

@@ -15,7 +15,7 @@ from django.utils.translation import gettext_lazy, gettext_noop
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.hours.driven import driven
 from fleet.bookings.lessons.members import shared_with

@@ -25,8 +25,8 @@ from fleet.accounts.models import User
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.models import Record
 from fleet.audit.services import RecordBody, record, record_all
+from fleet.base.database.rows import write_all
 from fleet.base.names import fault_of
-from fleet.base.rows import write_all
 from fleet.bookings import overlaps
 from fleet.bookings.free_time import free_slots
 from fleet.bookings.messages.notifications import changed_by_another

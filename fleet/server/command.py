@@ -18,7 +18,7 @@ from django.apps import apps
 from twisted.internet import reactor, task
 from twisted.internet.endpoints import serverFromString
 
-from fleet.base import schema
+from fleet.base.database import schema
 from fleet.server import guard, limits
 from fleet.server.front import Front, Network
 from fleet.server.pages.client import Pages

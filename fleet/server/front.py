@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
 from typing import Any
 
-from fleet.base import stop_addresses
-from fleet.base.network_addresses import network_of
+from fleet.base.web import stop_addresses
+from fleet.base.web.network_addresses import network_of
 from fleet.server import AT_ONCE, PING, READ_ON, WRITABLE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from httptools import HttpParserError, HttpParserUpgrade, HttpRequestParser
 
-from fleet.base import stop_addresses
+from fleet.base.web import stop_addresses
 from fleet.server import limits
 from fleet.server.credentials import has_cookie
 from fleet.server.limits import HttpRefusal

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fleet.base.error_pages import error_page
+from fleet.base.web.error_pages import error_page
 from robots.shared.sentences import Sentence, say
 
 URL_BYTES = 4096

@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.http import HttpRequest, HttpResponseBase
 
 from fleet.accounts.requests import GetResponse
-from fleet.base.request_ids import HEADER, request_id
+from fleet.base.web.request_ids import HEADER, request_id
 
 # The control page uses a gamepad and keeps the screen awake. No page needs other functions of the device.
 PERMISSIONS_POLICY = "gamepad=(self), screen-wake-lock=(self), camera=(), microphone=(), geolocation=()"

@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from fleet.accounts.sign_in.hashing import PROCESSES
-from fleet.base.network_addresses import network_of
+from fleet.base.web.network_addresses import network_of
 from fleet.server.turns import Turns
 
 AT_ONCE = PROCESSES + 1  # while one reads and writes the database, every process hashes

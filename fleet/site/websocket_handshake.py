@@ -31,7 +31,7 @@ from fleet.accounts.sign_in.second_factor import is_missing, require_for_token
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
 from fleet.accounts.tokens.tickets import ticket_use
-from fleet.base.network_addresses import network_of
+from fleet.base.web.network_addresses import network_of
 from fleet.server.credentials import Credential
 from fleet.server.turns import Turns
 from teleop.live.consumers.message_socket import CloseCode

@@ -12,7 +12,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from fleet.base import rows
+from fleet.base.database import rows
 from robots.registry.models import Role
 
 OWN = 0  # instead of a course's key: the role was given on the robot, or on a group with this robot

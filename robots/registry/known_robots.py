@@ -11,7 +11,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from fleet.base import rows
+from fleet.base.database import rows
 from robots.registry.configuration import robot_config
 from robots.registry.models import Robot
 from robots.registry.selectors import allowed_on, robot_facts

@@ -14,7 +14,7 @@ from django.utils.text import slugify
 from msgspec import Struct, structs
 
 from fleet.audit.models import Record
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.base.names import RESERVED
 from fleet.base.version import version
 from robots.link.authority import own_files

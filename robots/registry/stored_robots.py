@@ -11,7 +11,7 @@ from typing import Any
 
 from django.db.models import Model
 
-from fleet.base import rows
+from fleet.base.database import rows
 from robots.registry.models import Allowance, Robot, RobotProfile
 
 _KINDS: tuple[type[Model], ...] = (Robot, RobotProfile, Allowance)

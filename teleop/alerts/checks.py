@@ -22,7 +22,7 @@ from django.utils import timezone
 from redis import Redis, RedisError
 
 from fleet.backup.selectors import last_backup
-from fleet.base.origin import settled_origin
+from fleet.base.web.origin import settled_origin
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import AT_ONCE, state_once
 from robots.recordings.models import Place, Recording

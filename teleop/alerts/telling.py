@@ -18,7 +18,7 @@ from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.base.formats.sentences import in_words
 from fleet.base.languages import of_person
-from fleet.base.origin import settled_origin
+from fleet.base.web.origin import settled_origin
 from robots.shared.sentences import Sentence
 from teleop.models import Alert, AlertRule
 

@@ -12,7 +12,7 @@ from django.db.models.functions import Lower
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.bookings.lessons.present import Sharing, sharing_of
 from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.models import Qualification

@@ -9,7 +9,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta, Struct
 
-from fleet.base import rows
+from fleet.base.database import rows
 
 
 class SpokenText(Struct, frozen=True):

@@ -15,7 +15,7 @@ from django.core.handlers.asgi import ASGIRequest
 from django.utils import timezone
 
 from fleet.accounts.tokens.services import is_use_due, token_used
-from fleet.base.stop_addresses import RIGHT, is_of_api
+from fleet.base.web.stop_addresses import RIGHT, is_of_api
 from fleet.server.turns import Turns
 from teleop.background.database import in_database_background
 from teleop.stop import views

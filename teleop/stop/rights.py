@@ -21,8 +21,8 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import people_of_sessions
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import tokens_by_text
-from fleet.base import rows
-from fleet.base.stop_addresses import slug_of
+from fleet.base.database import rows
+from fleet.base.web.stop_addresses import slug_of
 from fleet.server.credentials import Credential
 from fleet.server.turns import Key
 from robots.access.selectors import visible_to_each

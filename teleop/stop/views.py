@@ -26,7 +26,7 @@ from fleet.accounts.requests import person_of, wants_json
 from fleet.accounts.services import address_of
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
-from fleet.base.error_pages import error_page
+from fleet.base.web.error_pages import error_page
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
 from robots.shared import wire

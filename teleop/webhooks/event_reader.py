@@ -15,7 +15,7 @@ from django.utils import timezone
 
 from fleet.audit.models import Record
 from fleet.audit.services import wait_for_writers
-from fleet.base import rows
+from fleet.base.database import rows
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.events import is_event
 

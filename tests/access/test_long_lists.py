@@ -10,7 +10,7 @@ from django.test import Client
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from fleet.base.paging import ROWS
+from fleet.base.web.paging import ROWS
 from fleet.bookings.free_time import free_on_any
 from robots.access.models import Course, Enrolment, GroupRole, RobotGroup
 from robots.access.selectors import lab_date

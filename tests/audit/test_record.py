@@ -16,7 +16,7 @@ from fleet.audit.kinds import KINDS, Kept
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.base import environment
-from fleet.base.schema import SchemaRefused
+from fleet.base.database.schema import SchemaRefused
 
 ROBOT = uuid.uuid4()
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from django import forms
 from django.urls import get_resolver
 
-from fleet.base.kept_files import KeptFileForm
+from fleet.base.web.kept_files import KeptFileForm
 
 
 def _with_heirs(kind: type) -> Iterator[type]:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from django.test import RequestFactory
 
-from fleet.base.origin import PORT_HEADER, public_origin
+from fleet.base.web.origin import PORT_HEADER, public_origin
 
 HOSTS = ["localhost", "127.0.0.1", "fleet.lab.example", "192.168.1.20"]
 

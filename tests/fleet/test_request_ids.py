@@ -3,7 +3,7 @@
 import pytest
 from django.test import Client
 
-from fleet.base.request_ids import connection_id, request_id
+from fleet.base.web.request_ids import connection_id, request_id
 
 
 def test_an_id_of_a_client_is_kept_if_it_is_one():

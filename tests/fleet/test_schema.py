@@ -13,7 +13,7 @@ from django.db.backends.signals import connection_created
 from django.db.migrations.recorder import MigrationRecorder
 from django.test import Client
 
-from fleet.base import schema
+from fleet.base.database import schema
 from fleet.site.pages.unavailable import answer
 from script.stack.database import new_database
 from script.stack.places import REPOSITORY
@@ -60,7 +60,7 @@ def test_each_new_connection_is_refused(change, monkeypatch):
         other.ensure_connection()
         other.close()
     finally:
-        connection_created.disconnect(dispatch_uid="fleet.base.schema")
+        connection_created.disconnect(dispatch_uid="fleet.base.database.schema")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import time
 import pytest
 from django.db import OperationalError, connection, transaction
 
-from fleet.base.sqlite import base
+from fleet.base.database.sqlite import base
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -28,7 +28,7 @@ from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.sign_in import second_factor, secrets, throttle
 from fleet.audit.rates import require_sign_in_rate
-from fleet.base.origin import public_origin, public_url
+from fleet.base.web.origin import public_origin, public_url
 
 
 class AccountAdapter(DefaultAccountAdapter):

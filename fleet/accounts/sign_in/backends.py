@@ -9,7 +9,7 @@ from django.contrib.auth.backends import ModelBackend
 from django.contrib.auth.models import AbstractBaseUser, AnonymousUser
 
 from fleet.accounts.models import User
-from fleet.base import rows
+from fleet.base.database import rows
 
 
 class StaffBackend(ModelBackend):

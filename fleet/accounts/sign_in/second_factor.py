@@ -17,7 +17,7 @@ from fleet.accounts.requests import GetResponse, wants_json
 from fleet.accounts.sign_in import throttle
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid
-from fleet.base.stop_addresses import is_stop
+from fleet.base.web.stop_addresses import is_stop
 
 KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are no second factor
 # The beginnings of paths that are open to people who must have a second factor and have none yet.

@@ -7,7 +7,7 @@ from typing import Any
 from django.contrib.sessions.backends import db
 from django.utils import timezone
 
-from fleet.base import rows
+from fleet.base.database import rows
 
 
 class SessionStore(db.SessionStore):

@@ -22,7 +22,7 @@ from django.utils.translation import ngettext
 from fleet.accounts.models import SignInAttempt, User
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from fleet.base.network_addresses import network_of
+from fleet.base.web.network_addresses import network_of
 
 FAILURES = 10  # with one name from one address
 FAILURES_OF_ADDRESS = 50  # with all names from one address: a whole lab may share an address

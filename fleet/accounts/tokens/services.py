@@ -16,7 +16,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.base.names import require
 
 LONGEST = timedelta(days=366)

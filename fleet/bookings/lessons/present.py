@@ -8,7 +8,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.bookings.models import BookingMember, Shared
 from fleet.bookings.schedule import Schedule
 from robots.access.models import Enrolment

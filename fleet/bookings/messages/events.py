@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 from icalendar import Calendar, Event, vCalAddress
 
 from fleet.accounts.models import User
-from fleet.base.origin import usual_origin
+from fleet.base.web.origin import usual_origin
 from fleet.bookings.models import Booking, State
 
 PRODUCT = "-//Fleet console//bookings//EN"

@@ -13,7 +13,7 @@ from django.utils.translation import gettext as _
 from msgspec import UNSET, Struct, UnsetType
 
 from fleet.accounts.models import User
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.base.formats.dates import dated
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings import rules

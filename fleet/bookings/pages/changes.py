@@ -17,7 +17,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.requests import person_of
 from fleet.base.formats.sentences import in_words
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
 from fleet.bookings.losses.door import Namer, stay_lost, title_of

@@ -18,7 +18,7 @@ from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext_lazy as _
 
-from fleet.base import rows
+from fleet.base.database import rows
 from fleet.base.zones import viewers
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS
 from fleet.bookings.changes.series import MOST_WEEKS

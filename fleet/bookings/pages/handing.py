@@ -17,7 +17,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.requests import person_of
 from fleet.base.formats.sentences import words_of
-from fleet.base.origin import public_url
+from fleet.base.web.origin import public_url
 from fleet.bookings.changes.handing import hand_answer, hand_ask, hand_withdraw, offer_with
 from fleet.bookings.losses.door import booking_words
 from fleet.bookings.models import Booking, HandOffer

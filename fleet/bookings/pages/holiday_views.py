@@ -16,7 +16,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
 from fleet.accounts.requests import person_of
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 from fleet.base.zones import zone_of
 from fleet.bookings.changes.holiday_files import last_read, read_file
 from fleet.bookings.changes.holidays import MOST, Entry, holiday_remove, holidays_add, new_among

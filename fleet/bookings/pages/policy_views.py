@@ -19,7 +19,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from fleet.accounts.requests import person_of
 from fleet.audit.reading.exports import BOM
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly

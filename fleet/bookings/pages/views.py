@@ -21,7 +21,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
-from fleet.base.origin import public_url
+from fleet.base.web.origin import public_url
 from fleet.base.zones import viewers
 from fleet.bookings import services
 from fleet.bookings.changes import handing

@@ -11,7 +11,7 @@ from typing import Any
 
 from httptools import HttpParserError, HttpResponseParser
 
-from fleet.base.origin import PORT_HEADER
+from fleet.base.web.origin import PORT_HEADER
 from fleet.server import limits
 from fleet.server.guard import Guard
 

@@ -17,7 +17,7 @@ from types import FrameType
 
 import uvicorn
 
-from fleet.base import schema
+from fleet.base.database import schema
 from fleet.base.version import log_start
 from robots.shared.processes.scheduling import forbid_real_time
 from robots.shared.processes.shutdown import SIGNALS, exit_within

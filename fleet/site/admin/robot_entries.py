@@ -23,7 +23,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base.formats.sentences import in_words
-from fleet.base.kept_files import KeptFileForm
+from fleet.base.web.kept_files import KeptFileForm
 from robots.registry import phrases, services
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile

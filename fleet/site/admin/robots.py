@@ -27,7 +27,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base.formats.sentences import in_words, localised
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles

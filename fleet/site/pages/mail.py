@@ -13,7 +13,7 @@ from django.views.decorators.http import require_http_methods
 from fleet.accounts.mail.off import is_off
 from fleet.accounts.mail.trial import trial
 from fleet.accounts.requests import staff_of
-from fleet.base.origin import settled_origin
+from fleet.base.web.origin import settled_origin
 
 
 class TrialForm(forms.Form):

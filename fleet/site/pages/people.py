@@ -17,7 +17,7 @@ from django.views.decorators.http import require_POST
 from fleet.accounts.erasing import erasable, erasures_ask
 from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.time_takers import may_take_time
 from fleet.bookings.losses.collecting import collected
 from robots.access.models import Course
 from teleop.reports.own_data import export_of_many

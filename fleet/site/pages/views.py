@@ -26,7 +26,8 @@ from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in import known_device
 from fleet.audit.errors import cause_of
 from fleet.audit.kinds import Kept
-from fleet.base import languages, schema
+from fleet.base import languages
+from fleet.base.database import schema
 from fleet.base.version import commit, version
 from teleop.alerts.rules import open_alerts
 from teleop.alerts.watch import knows, look_age_s

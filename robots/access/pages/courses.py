@@ -23,9 +23,9 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from fleet.accounts.mail.off import is_off
 from fleet.accounts.requests import person_of, staff_of
 from fleet.base.formats.sentences import localised
-from fleet.base.origin import public_origin, public_url
-from fleet.base.paging import list_address, page_of
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.origin import public_origin, public_url
+from fleet.base.web.paging import list_address, page_of
+from fleet.base.web.time_takers import may_take_time
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
 from robots.access.pages.forms import (

@@ -15,8 +15,8 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
-from fleet.base.paging import list_address, page_of
-from fleet.base.time_takers import may_take_time
+from fleet.base.web.paging import list_address, page_of
+from fleet.base.web.time_takers import may_take_time
 from robots.access import services
 from robots.access.models import GroupRole, Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm

@@ -24,8 +24,8 @@ from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
 from fleet.base.formats.dates import dated
-from fleet.base.kept_files import KeptFileForm
 from fleet.base.names import require
+from fleet.base.web.kept_files import KeptFileForm
 from robots.access.claiming import namesake
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role

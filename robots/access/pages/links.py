@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from fleet.base.origin import public_url
+from fleet.base.web.origin import public_url
 from robots.access import password_links, welcome
 from robots.access.models import Course, PasswordLink
 from robots.access.selectors import courses_managed_by

@@ -21,7 +21,7 @@ from rest_framework.response import Response
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
-from fleet.base.origin import public_url
+from fleet.base.web.origin import public_url
 from fleet.bookings import services
 from fleet.bookings.changes import handing
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave

@@ -15,7 +15,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.base.origin import public_origin
+from fleet.base.web.origin import public_origin
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of

@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
-from fleet.base.ranged_file import ranged_file
+from fleet.base.web.ranged_file import ranged_file
 from robots.access.models import Course
 from robots.access.who_sees import reader_of
 from robots.recordings import stores

@@ -8,7 +8,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
-from fleet.base.request_ids import connection_id
+from fleet.base.web.request_ids import connection_id
 from robots.access.selectors import robots_visible_to
 from robots.shared.wire import BridgeGone, Refusal
 from teleop.background.database import in_database

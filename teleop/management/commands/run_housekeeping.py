@@ -25,7 +25,7 @@ from fleet.accounts.erasing import erase_next
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.base.schema import begin
+from fleet.base.database.schema import begin
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.changes.handing import hand_offers_lapse, remove_old_offers
 from fleet.bookings.losses import lost_rights

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.base.network_addresses import network_of
+from fleet.base.web.network_addresses import network_of
 from fleet.server.connections import Connections, Places
 
 

@@ -19,7 +19,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
-from fleet.base.schema import SchemaRefused
+from fleet.base.database.schema import SchemaRefused
 from robots.recordings.models import Place, Recording
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, forget, only_instance

@@ -5,7 +5,7 @@ import asyncio
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import token_used
-from fleet.base.stop_addresses import RIGHT
+from fleet.base.web.stop_addresses import RIGHT
 from fleet.server.credentials import Credential
 from teleop.stop import door
 from teleop.stop.rights import Right

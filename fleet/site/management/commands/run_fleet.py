@@ -6,7 +6,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from fleet.base.schema import begin
+from fleet.base.database.schema import begin
 from robots.link.stop_courier import courier
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import AlreadySupervised

@@ -12,7 +12,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand
 from django.db import connections
 
-from fleet.base.schema import begin
+from fleet.base.database.schema import begin
 from robots.records.record_server import serve
 from robots.shared.processes.shutdown import end_event
 from robots.shared.records.calls import SOCKET

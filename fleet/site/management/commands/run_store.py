@@ -12,7 +12,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from fleet.base.schema import begin
+from fleet.base.database.schema import begin
 from robots.bridge.recorder.erasing.__main__ import cut_file
 from robots.bridge.recorder.files.directory import RecordingDirectory
 from robots.recordings.s3.store_work import work

@@ -20,7 +20,7 @@ from django.db.migrations.recorder import MigrationRecorder
 from django.utils import timezone
 
 from fleet.backup.sqlite import copy_database
-from fleet.base import schema
+from fleet.base.database import schema
 from fleet.base.version import version
 from robots.shared.processes.one_supervisor import AlreadySupervised
 from robots.supervisor.claims import require_no_supervisor, sole_supervisor, sole_upgrade

@@ -19,7 +19,7 @@ from rest_framework.exceptions import (
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
-from fleet.base.error_pages import error_page
+from fleet.base.web.error_pages import error_page
 from robots.shared import wire
 from robots.shared.wire import NotDone, Refusal, Rule, Said
 

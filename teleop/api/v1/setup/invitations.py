@@ -13,7 +13,7 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from fleet.accounts.mail.off import is_off
-from fleet.base.origin import public_origin, public_url
+from fleet.base.web.origin import public_origin, public_url
 from robots.access import enrolment, welcome
 from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of

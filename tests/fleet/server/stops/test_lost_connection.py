@@ -7,7 +7,7 @@ from twisted.internet.error import ConnectionAborted
 from twisted.internet.testing import StringTransport
 from twisted.python.failure import Failure
 
-from fleet.base.stop_addresses import RIGHT
+from fleet.base.web.stop_addresses import RIGHT
 from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
 from fleet.server.front import Front
 from fleet.server.guard import Factory

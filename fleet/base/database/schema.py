@@ -38,7 +38,7 @@ class SchemaRefused(OperationalError):
 
 def guard() -> None:
     """From now on, refuse connections to a database with another schema."""
-    connection_created.connect(_look, dispatch_uid="fleet.base.schema")
+    connection_created.connect(_look, dispatch_uid="fleet.base.database.schema")
 
 
 def begin(process: str) -> None:
