@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.ros.master import Master
 

@@ -26,11 +26,11 @@ from robots.bridge.audit.description import taken_description
 from robots.bridge.core import Core
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.health.battery_charge import BatteryCharge
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import hurry, pause, speaker
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames

@@ -21,10 +21,10 @@ from types import MethodType, SimpleNamespace
 import pytest
 
 import robots.bridge.ros.bounds.servers as doors
+from robots.bridge.robot.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.board import MOST_BARRED, MOST_SHOWN, SHOWN_S, Board
 from robots.bridge.ros.bounds.listening import Reading
 from robots.bridge.ros.bounds.logs import BURST, LogLimiter
-from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce

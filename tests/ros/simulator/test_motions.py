@@ -17,7 +17,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.shared.configuration.bridge_config import Topic

@@ -24,7 +24,7 @@ from robots.bridge.gate.sensing.depth import (
     picture_of_image,
 )
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.brief import depth_image
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown

@@ -11,7 +11,7 @@ from actionlib_msgs.msg import GoalStatus
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic

@@ -13,7 +13,7 @@ import rospy
 
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.sensors.convert import planar_pose
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from robots.bridge.arm.posture import ArmPosture
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.geometry.poses import Pose

@@ -8,7 +8,7 @@ from typing import Any
 
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart

@@ -1,4 +1,4 @@
-"""Passes messages from rospy's threads to the event loop: a few wait per source, and one call takes them all.
+"""Passes messages from the robot's threads to the event loop: a few wait per source, and one call takes them all.
 
 A message that can wait does not wake the loop. The loop takes it before the next message that cannot wait, or
 at its next tick.
@@ -37,7 +37,7 @@ class Speaker(Protocol):
 class Mailboxes:
     """One box for each source. `later` runs a call on the loop soon; it is thread-safe.
 
-    While `hurry` returns true, every message wakes the loop; `hurry` is called on rospy's threads. `worked`
+    While `hurry` returns true, every message wakes the loop; `hurry` is called on the robot's threads. `worked`
     returns the processor time (s) of the loop's thread: waiting does not count.
     """
 
