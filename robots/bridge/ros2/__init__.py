@@ -1,0 +1,5 @@
+"""The bridge's ROS 2 side. In the bridge, only this package imports rclpy."""
+
+from robots.shared.ros2.importing import make_importable
+
+make_importable()

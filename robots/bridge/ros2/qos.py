@@ -1,0 +1,45 @@
+"""Quality of service of the bridge's topics: with it, every publisher and every listener of the robot is heard.
+
+A subscription that asks for less than a publisher offers gets its messages; one that asks for more gets none. So
+sensors are read best effort and volatile, whatever their publishers offer. What was published once before the bridge
+came (map, description) is asked for only where its publishers keep it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def sensor(depth: int) -> QoSProfile:
+    """Return the profile with which messages of a sensor are read, from any publisher."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def kept(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """Return the profile with which messages that stay are read, as far as all publishers offer it."""
+    profiles = list(offered)
+    keep = bool(profiles) and all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in profiles)
+    sure = bool(profiles) and all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE if sure else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if keep else DurabilityPolicy.VOLATILE,
+    )
+
+
+# Reliable reaches listeners that ask for best effort too. Never kept for listeners that come later: an old twist would
+# move the robot.
+DRIVE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
