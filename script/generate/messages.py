@@ -33,7 +33,7 @@ HEAD = f"""# Messages, field by field
 [protocol.md](protocol.md) says how to use the messages (`protocol` {wire.PROTOCOL}).
 Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
 ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the
-name says otherwise. Messages between the console's own processes are in `robots/shared/wire/link.py`,
+name says otherwise. Messages between the console's own processes are in `robots/shared/wire/links/bridge.py`,
 `camera.py`, `tap.py` and `shelf.py` only.
 
 """

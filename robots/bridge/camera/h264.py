@@ -1,7 +1,7 @@
 """Encodes pictures as H.264 for slow connections. The camera process imports this module at its first use.
 
 Used by `ros/camera/producer.py`; `teleop/camera/variant_choice.py` chooses for each viewer. The names of formats are in
-`robots/shared/wire/camera.py`, the decoder is in `static/js/camera/video.js`.
+`robots/shared/wire/links/camera.py`, the decoder is in `static/js/camera/video.js`.
 """
 
 from __future__ import annotations

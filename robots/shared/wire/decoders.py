@@ -6,14 +6,15 @@ from collections.abc import Callable
 
 import msgspec
 
-from robots.shared.wire import fleet, link, page
+from robots.shared.wire import fleet, page
 from robots.shared.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
-from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
 from robots.shared.wire.codec import MessageDecoder
+from robots.shared.wire.links import bridge
+from robots.shared.wire.links.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
+from robots.shared.wire.links.shelf import ShelfRead
+from robots.shared.wire.links.tap import TapWants
 from robots.shared.wire.navigation import GoPath
-from robots.shared.wire.shelf import ShelfRead
 from robots.shared.wire.state import Offers, View
-from robots.shared.wire.tap import TapWants
 from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import Sample, TopicAnswer, TopicsMessage
 
@@ -47,19 +48,19 @@ FleetReport = fleet.Fleet | fleet.Beat | Refused | Pong
 BookingsReport = page.BookingsChanged | Refused | Pong
 NewsReport = page.News | Refused | Pong
 LinkReport = (
-    link.BridgeHello
-    | link.LaneToken
-    | link.Granted
-    | link.Ended
-    | link.Status
-    | link.Stopped
+    bridge.BridgeHello
+    | bridge.LaneToken
+    | bridge.Granted
+    | bridge.Ended
+    | bridge.Status
+    | bridge.Stopped
     | Accepted
     | Refused
     | Offers
     | GoPath
-    | link.LinkAnswer
-    | link.LinkSample
-    | link.ProcessAt
+    | bridge.LinkAnswer
+    | bridge.LinkSample
+    | bridge.ProcessAt
 )
 browser_message = MessageDecoder[BrowserMessage](BrowserMessage)
 topics_message = MessageDecoder[TopicsMessage](TopicsMessage)
@@ -68,7 +69,7 @@ camera_request = MessageDecoder[CameraRequest](CameraRequest)
 tap_request = MessageDecoder[TapWants](TapWants, largest_bytes=256 * 1024)
 shelf_request = MessageDecoder[ShelfRead](ShelfRead)
 fleet_message = MessageDecoder[FleetMessage](FleetMessage)
-link_request = MessageDecoder[link.LinkRequest](link.LinkRequest)
+link_request = MessageDecoder[bridge.LinkRequest](bridge.LinkRequest)
 # Reports have no size limit; an invalid report raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode

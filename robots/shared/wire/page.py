@@ -19,9 +19,9 @@ from robots.shared.wire.base import (
     TabToken,
     Worded,
 )
-from robots.shared.wire.camera import CameraEntry
 from robots.shared.wire.fleet import Booked
 from robots.shared.wire.limbs import Limb, LimbRange
+from robots.shared.wire.links.camera import CameraEntry
 from robots.shared.wire.recordings import RecordedTopics
 
 Chosen = Annotated[list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=200)]
