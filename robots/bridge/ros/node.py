@@ -53,11 +53,12 @@ from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import InputSwitch
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.graph import SystemState, is_own
 from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
-from robots.shared.ros.master import Master, MasterError, SystemState, is_own, why_silent
+from robots.shared.ros.master import Master, MasterError, why_silent
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import SENTENCE, cut, named
 from robots.shared.sentences import say
+from robots.shared.texts import SENTENCE, cut, named
 from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)

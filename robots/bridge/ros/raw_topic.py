@@ -13,7 +13,7 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES
 from robots.bridge.tap.arrivals import Kind
-from robots.shared.ros.texts import NAME, cut
+from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal
 
 MOST_PUBLISHERS = 500  # of a topic, over time

@@ -7,37 +7,28 @@ import socket
 import time
 import xmlrpc.client
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
 
-from robots.shared.processes.probe_findings import BRIDGE, WATCHDOG
-from robots.shared.ros import texts
+from robots.shared import texts
+from robots.shared.graph import SystemState
+from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.sentences import say
+from robots.shared.unreachable import Unreachable
 
 TIMEOUT_S = 1.0
 WHOLE_S = 5.0  # a whole call: an answer may have a hundred kilobytes and come by slow radio
 LARGEST_ANSWER = 64 * 1024 * 1024  # bytes read from the network
 MOST_VALUES = 500_000  # in an answer
 REMEMBERED = 64 * 1024  # bytes: only a smaller answer is remembered
-INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
-CAMERA = "/fleet_camera"  # the same for camera processes
-TAP = "/fleet_tap"  # the same for taps
-RECORDER = "/fleet_recorder"  # the same for recorders
-
-
-def is_own(node: str) -> bool:
-    """Return whether a node is a process of a console, not the robot's."""
-    return node.startswith((BRIDGE, INSPECTOR, CAMERA, TAP, RECORDER, WATCHDOG))
-
 
 T = TypeVar("T")
 _Nodes = list[tuple[str, list[str]]]  # by topic
 
 
-class MasterError(Exception):
+class MasterError(Unreachable):
     """The master does not answer, or reports a failure. The text is for people."""
 
 
@@ -151,17 +142,6 @@ class _Socket(socket.socket):
 
     def _limit(self) -> None:
         self.settimeout(min(self._timeout_s, left_s(self._until_s)))
-
-
-@dataclass(frozen=True)
-class SystemState:
-    """Publishers and subscribers: topic -> node names; topic -> type; service -> node names."""
-
-    publishers: dict[str, list[str]]
-    subscribers: dict[str, list[str]]
-    types: dict[str, str]
-    services: dict[str, list[str]]
-    is_cut: bool = False  # the master has more entries than are kept here
 
 
 class Master:

@@ -28,7 +28,7 @@ from robots.bridge.ros.bounds.logs import BURST, LogLimiter
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce
-from robots.shared.ros import texts
+from robots.shared import texts
 from robots.shared.ros.master import Master, MasterError, _Transport
 from tests.processes import REPOSITORY, serving
 from tests.ros import strangers

@@ -24,8 +24,9 @@ from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks import motions
 from robots.bridge.ros.tasks.motions import MotionTopics
+from robots.shared.graph import SystemState
 from robots.shared.ros import master
-from robots.shared.ros.master import TIMEOUT_S, Master, MasterError, SystemState
+from robots.shared.ros.master import TIMEOUT_S, Master, MasterError
 from tests.bridge.support import CONFIG
 from tests.processes import serving, until
 from tests.ros.spoiled_master import answer_of

@@ -11,7 +11,8 @@ from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.ros import node
 from robots.bridge.ros.node import RosBase
 from robots.shared import wire
-from robots.shared.ros.master import MasterError, SystemState
+from robots.shared.graph import SystemState
+from robots.shared.ros.master import MasterError
 from tests.bridge.support import CONFIG
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import OrderedDict
 
-from robots.shared.ros.texts import SENTENCE, cut
+from robots.shared.texts import SENTENCE, cut
 
 log = logging.getLogger(__name__)
 

@@ -33,8 +33,8 @@ from robots.bridge.ros.bounds.servers import CALL_REFUSED
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.ros.master import Master, MasterError
-from robots.shared.ros.texts import NAME, cut
 from robots.shared.sentences import say
+from robots.shared.texts import NAME, cut
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ import logging
 import time
 
 from robots.shared.link.flood_limits import TokenBucket
-from robots.shared.ros.texts import cut
+from robots.shared.texts import cut
 
 TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
 PER_S, BURST = 2.0, 50.0

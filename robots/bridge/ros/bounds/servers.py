@@ -22,8 +22,8 @@ from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
 from robots.shared.link.flood_limits import TokenBucket
-from robots.shared.ros.texts import NAME, SENTENCE, cut
 from robots.shared.sentences import say
+from robots.shared.texts import NAME, SENTENCE, cut
 
 log = logging.getLogger(__name__)
 

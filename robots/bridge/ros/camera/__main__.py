@@ -10,7 +10,7 @@ from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.vital import start_vital
 from robots.bridge.served.process import Call, run
 from robots.shared.configuration.bridge_config import BridgeConfig
-from robots.shared.ros.master import CAMERA
+from robots.shared.graph import CAMERA
 
 NICE = 3
 MOST_BYTES = 1024 * 1024 * 1024  # of memory

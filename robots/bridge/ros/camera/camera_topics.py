@@ -22,8 +22,8 @@ from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import CameraSource
-from robots.shared.ros.texts import NAME, cut
 from robots.shared.sentences import say
+from robots.shared.texts import NAME, cut
 from robots.shared.wire import PictureFormat, PictureScale, Refusal
 
 SILENT_S = 2.0

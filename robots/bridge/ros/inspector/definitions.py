@@ -25,8 +25,8 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.shared.messages.fields import FLOATS, INTEGERS
 from robots.shared.messages.packing import HEADER, Layout
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
-from robots.shared.ros.texts import cut
 from robots.shared.sentences import Sentence, reason_of, say
+from robots.shared.texts import cut
 from robots.shared.wire import Field
 
 # Before each type that a text embeds; some publishers break by dashes, or not at all.

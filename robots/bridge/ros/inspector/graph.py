@@ -11,10 +11,11 @@ import msgspec
 
 from robots.bridge.ros.inspector.declined import Declined
 from robots.shared import wire
+from robots.shared.graph import INSPECTOR
 from robots.shared.messages.fields import BadField
-from robots.shared.ros.master import INSPECTOR, Master
-from robots.shared.ros.texts import MOST_TOPICS, NAME, cut
+from robots.shared.ros.master import Master
 from robots.shared.sentences import say
+from robots.shared.texts import MOST_TOPICS, NAME, cut
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON

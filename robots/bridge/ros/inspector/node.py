@@ -9,7 +9,8 @@ from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.publishing import Publishers
 from robots.bridge.ros.inspector.subscriptions import Subscriptions
 from robots.shared.configuration.bridge_config import BridgeConfig
-from robots.shared.ros.master import INSPECTOR, Master
+from robots.shared.graph import INSPECTOR
+from robots.shared.ros.master import Master
 
 
 class Node:

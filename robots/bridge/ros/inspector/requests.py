@@ -43,9 +43,10 @@ from robots.shared.configuration.denylist import (
     why_denied,
     why_fields_denied,
 )
+from robots.shared.graph import INSPECTOR
 from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
-from robots.shared.ros.master import INSPECTOR, Master, MasterError
+from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.sentences import reason_of, say
 

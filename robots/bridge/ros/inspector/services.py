@@ -14,13 +14,14 @@ import msgspec
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
 from robots.bridge.ros.network.tcpros import Conversation, connect
+from robots.shared.graph import INSPECTOR
 from robots.shared.messages.fields import fit_fields
 from robots.shared.messages.packing import Detail
 from robots.shared.messages.whole import json_encoder
-from robots.shared.ros.master import INSPECTOR, Master, NotThere
+from robots.shared.ros.master import Master, NotThere
 from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
-from robots.shared.ros.texts import NAME, cut
 from robots.shared.sentences import say
+from robots.shared.texts import NAME, cut
 
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes

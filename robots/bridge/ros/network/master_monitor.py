@@ -13,8 +13,9 @@ import rospy
 from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from robots.bridge.robot_reports import RosStatus
+from robots.shared.graph import SystemState
 from robots.shared.processes.probe_findings import BRIDGE
-from robots.shared.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive, require_ipv4
+from robots.shared.ros.master import DeathWatch, Master, MasterError, node_alive, require_ipv4
 from robots.shared.ros.registration import register_again
 from robots.shared.sentences import say
 

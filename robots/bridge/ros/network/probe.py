@@ -27,6 +27,7 @@ from robots.bridge.arm.tree import Tree
 from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource
+from robots.shared.graph import SystemState
 from robots.shared.processes.probe_findings import (
     CALLER,
     CallbackFound,
@@ -38,7 +39,7 @@ from robots.shared.processes.probe_findings import (
     Plan,
     TopicFound,
 )
-from robots.shared.ros.master import Master, MasterError, SystemState
+from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
 from robots.shared.sentences import joined, reason_of, say
 from robots.shared.urdf.document import BadDescription

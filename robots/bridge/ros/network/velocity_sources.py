@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from robots.shared.ros.master import SystemState, is_own
-from robots.shared.ros.texts import TITLE, cut, named
+from robots.shared.graph import SystemState, is_own
+from robots.shared.texts import TITLE, cut, named
 
 # Named topics, and nodes of each: the answer to a stop has them, too, and must stay small.
 MOST_TOPICS = MOST_NODES = 3

@@ -25,8 +25,8 @@ from robots.bridge.ros.recorder.reading import Reading
 from robots.bridge.ros.vital import start_vital
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.graph import RECORDER
 from robots.shared.processes.shutdown import exit_within
-from robots.shared.ros.master import RECORDER
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 512 * 1024 * 1024  # of memory

@@ -17,8 +17,9 @@ from robots.bridge.recorder.ring import Message, Origin, is_picture
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.raw_topic import RawTopic, Speaker
 from robots.bridge.tap.arrivals import Kind
+from robots.shared.graph import is_own
 from robots.shared.messages.packing import HEADER
-from robots.shared.ros.master import Master, MasterError, is_own
+from robots.shared.ros.master import Master, MasterError
 from robots.shared.wire import MOST_RECORDED_TOPICS
 
 log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from robots.bridge.gate.sensing.depth import DepthImage
 from robots.bridge.gate.values import LaserScan
 from robots.shared.geometry.poses import Pose, Velocity
 from robots.shared.geometry.quaternions import yaw_of
-from robots.shared.ros.texts import NAME, cut
+from robots.shared.texts import NAME, cut
 
 _HEADER = struct.Struct("<4x3I")  # stamp in seconds and nanoseconds; length of the frame's name
 _LENGTH = struct.Struct("<I")

@@ -30,8 +30,8 @@ from robots.bridge.ros.sensors.brief import depth_image
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import DepthSource
 from robots.shared.configuration.gate_profile import DepthView
-from robots.shared.ros.texts import SENTENCE, cut
 from robots.shared.sentences import say
+from robots.shared.texts import SENTENCE, cut
 
 EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a little early
 

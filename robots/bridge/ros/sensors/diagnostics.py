@@ -6,7 +6,7 @@ from heapq import nlargest
 from typing import Any
 
 from robots.bridge.health.diagnostics import Status
-from robots.shared.ros.texts import SENTENCE, TITLE, cut
+from robots.shared.texts import SENTENCE, TITLE, cut
 
 MOST_STATUSES = 500  # of one message
 MOST_VALUES = 100  # of one status

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from robots.shared.geometry.poses import Pose
 from robots.shared.geometry.quaternions import LEAST, rotation
-from robots.shared.ros.texts import NAME
 from robots.shared.sentences import say
+from robots.shared.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
 KEPT = 100  # transforms of each frame: 2 s at 50 Hz

@@ -19,7 +19,7 @@ from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.sensors.brief import JointStates
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import NAME, cut
+from robots.shared.texts import NAME, cut
 
 EVERY_S, RESTS_S = 0.1, 0.2  # while somebody has control; else
 JOINTS_WAIT = 10  # messages of one publisher: each may report other joints

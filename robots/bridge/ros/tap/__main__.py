@@ -12,7 +12,7 @@ from robots.bridge.ros.vital import start_vital
 from robots.bridge.served.process import Call, run
 from robots.bridge.tap.tap_server import TapServer
 from robots.shared.configuration.bridge_config import BridgeConfig
-from robots.shared.ros.master import TAP
+from robots.shared.graph import TAP
 
 NICE = 3
 MOST_BYTES = 1536 * 1024 * 1024  # of memory

@@ -14,7 +14,7 @@ from robots.bridge.ros.tasks.publishing import Sender, heard_by, publish
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import NAME, SENTENCE, cut, most_of
+from robots.shared.texts import NAME, SENTENCE, cut, most_of
 
 STATUS_RESTS_S = 0.4  # between reads of statuses while nobody has control
 EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words

@@ -15,7 +15,7 @@ from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
-from robots.shared.ros.texts import SENTENCE, cut
+from robots.shared.texts import SENTENCE, cut
 from robots.shared.wire import Limb
 
 

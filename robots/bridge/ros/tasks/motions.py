@@ -24,8 +24,8 @@ from robots.shared.configuration.bridge_config import Topic
 from robots.shared.messages.packing import Detail
 from robots.shared.ros.master import MasterError
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.shared.sentences import joined, say
+from robots.shared.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.shared.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name

@@ -13,7 +13,7 @@ from typing import Any
 import rospy
 from rospy.core import is_shutdown_requested
 
-from robots.shared.ros.master import is_own
+from robots.shared.graph import is_own
 
 PATIENCE_S = 1.0  # longest wait of a message for a listener; connecting takes some milliseconds
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists

@@ -16,7 +16,7 @@ from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import SAID, SENTENCE, cut
+from robots.shared.texts import SAID, SENTENCE, cut
 from robots.shared.wire import SpeechStatus
 
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}

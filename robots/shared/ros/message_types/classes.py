@@ -20,7 +20,7 @@ from typing import Any
 import genpy
 
 from robots.shared.ros import last_finder
-from robots.shared.ros.texts import NAME, cut
+from robots.shared.texts import NAME, cut
 
 DEFINITIONS = Path(__file__).with_name("definitions")
 REPOSITORY = Path(__file__).resolve().parents[4]
