@@ -29,7 +29,7 @@ from robots.bridge.maps.map_fetch import MapFetcher
 from robots.bridge.recorder.erasing.file_cuts import FileCuts
 from robots.bridge.recorder.files.file_changes import FileChanges
 from robots.bridge.recorder.recorder_client import RecorderClient
-from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
+from robots.bridge.robot.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.served.client import CAMERA, SHELF, TAP, ProcessClient
 from robots.bridge.server.link_server import LinkServer

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import rospy
 
+from robots.bridge.robot.memory import end_without_memory
+from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.bounds.install import install
-from robots.bridge.ros.bounds.memory import end_without_memory
-from robots.bridge.ros.vital import start_vital
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.ros.master import DeathWatch
 

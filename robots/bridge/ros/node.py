@@ -26,19 +26,19 @@ from robots.bridge.audit.description import taken_description
 from robots.bridge.core import Core
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.health.battery_charge import BatteryCharge
+from robots.bridge.robot.board import BOARD
 from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.memory import end_without_memory
+from robots.bridge.robot.velocity_sources import velocity_sources
+from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
-from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import hurry, pause, speaker
-from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
 from robots.bridge.ros.network.master_monitor import MasterMonitor
-from robots.bridge.ros.network.velocity_sources import velocity_sources
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
-from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.brief import BRIEF
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.diagnostics import statuses
@@ -104,7 +104,7 @@ class RosBase(InputSwitch):
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
-        self._topic_worker = RosWorker("topics")
+        self._topic_worker = Worker("topics")
         self._monitor = MasterMonitor(self.master, self)
         self._described = False
         self._description: object = None  # the robot's description that is in use

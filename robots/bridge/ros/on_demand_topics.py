@@ -7,8 +7,8 @@ from typing import Protocol
 
 import rospy
 
+from robots.bridge.robot.worker import Worker
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.ros.ros_worker import RosWorker
 
 BUFFER_BYTES = 1 << 20  # of one read; a picture has some hundred kilobytes to some megabytes
 
@@ -41,7 +41,7 @@ class OnDemandSource(Protocol):
 class OnDemandTopics:
     """Subscribes and unsubscribes on the worker's thread."""
 
-    def __init__(self, worker: RosWorker, *parts: OnDemandSource) -> None:
+    def __init__(self, worker: Worker, *parts: OnDemandSource) -> None:
         self._worker = worker
         self._parts = parts
         self._wanted = False

@@ -19,8 +19,8 @@ from typing import Any, Protocol
 
 import msgspec
 
+from robots.bridge.robot.memory import limit_memory
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.served.client import SILENCE_S
 from robots.bridge.served.server import ProcessServer
 from robots.shared import wire

@@ -11,7 +11,7 @@ import time
 
 import msgspec
 
-from robots.bridge.ros.bounds.memory import limit_memory
+from robots.bridge.robot.memory import limit_memory
 from robots.bridge.ros.watchdog import WatchdogNode
 from robots.bridge.watchdog.rules import CANCEL_AGAIN_S, Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket

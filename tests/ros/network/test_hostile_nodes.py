@@ -16,12 +16,11 @@ from unittest.mock import Mock
 
 import pytest
 
+from robots.bridge.robot.board import Board
 from robots.bridge.ros import node
-from robots.bridge.ros.bounds.board import Board
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks import motions
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.graph import SystemState
@@ -155,17 +154,6 @@ def test_an_unusable_connection_without_owner_is_closed(monkeypatch):
             assert connection.recv(1) == b"", caught  # the traceback still holds unclosed sockets
 
 
-def test_repeated_requests_run_now_and_once_more_later():
-    done: queue.SimpleQueue[float] = queue.SimpleQueue()
-    seldom = RateLimit(lambda: done.put(time.monotonic()), 0.5)
-    began_s = time.monotonic()
-    for _ in range(100):
-        seldom.do()
-    _, second_s = done.get(timeout=10), done.get(timeout=10)
-    assert second_s - began_s >= 0.5
-    assert done.empty()
-
-
 def test_a_flapping_node_does_not_speed_up_motion_reading(monkeypatch):
     monkeypatch.setattr(motions, "JOINED_GAP_S", 0.5)
     readings: queue.SimpleQueue[float] = queue.SimpleQueue()
@@ -202,14 +190,3 @@ def test_a_silent_name_server_delays_no_survey(monkeypatch):
     over.set()
     [text] = until(lambda: base._survey(system).problems, "the name that is not known")
     assert text.startswith("The robot calls itself tiago-9c, which cannot be resolved here")
-
-
-def test_an_errand_that_fails_keeps_no_other_from_being_done():
-    def fails() -> None:
-        raise TypeError("of what a master answered")
-
-    done = threading.Event()
-    worker = RosWorker("test")
-    worker.do(fails)
-    worker.do(done.set)
-    assert done.wait(10)

@@ -18,8 +18,8 @@ from tf2_msgs.msg import TFMessage
 
 from fleet.site.management.commands.seed_demo import seed_map
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
+from robots.bridge.robot.worker import Worker
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
-from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.map import read_map
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.places.selectors import place_of_robot
@@ -77,7 +77,7 @@ def test_the_map_pose_is_known_without_a_depth_camera(ros):
     with ros.listen("/ground_truth/pose", Odometry) as truth:
         at = truth.next().pose.pose.position
     tf = TfTopics()
-    on_demand = OnDemandTopics(RosWorker("topics"), tf)
+    on_demand = OnDemandTopics(Worker("topics"), tf)
     on_demand.set_wanted(True)
     _, pose = until(tf.located, "a place")
     assert (pose.x, pose.y) == pytest.approx((at.x, at.y), abs=0.1)  # it has not driven: its odometry is zero

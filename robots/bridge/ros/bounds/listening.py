@@ -28,7 +28,7 @@ from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol
 from rospy.impl.tcpros_pubsub import TCPROSSub
 from rospy.impl.transport import INBOUND
 
-from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.robot.board import BOARD
 from robots.bridge.ros.bounds.servers import CALL_REFUSED
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
 from robots.shared.link.flood_limits import TokenBucket

@@ -18,8 +18,8 @@ import rosgraph.network
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.registration import get_topic_manager
 
-from robots.bridge.ros.bounds.board import BOARD
-from robots.bridge.ros.bounds.memory import end_without_memory
+from robots.bridge.robot.board import BOARD
+from robots.bridge.robot.memory import end_without_memory
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say

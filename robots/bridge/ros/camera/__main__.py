@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from robots.bridge.camera.picture_server import PictureServer
+from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.camera.producer import Producer
 from robots.bridge.ros.child_node import joined
-from robots.bridge.ros.vital import start_vital
 from robots.bridge.served.process import Call, run
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import CAMERA

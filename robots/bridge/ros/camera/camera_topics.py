@@ -15,8 +15,8 @@ from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.camera.shown import compressed_picture, raw_picture
+from robots.bridge.robot.board import BOARD
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen

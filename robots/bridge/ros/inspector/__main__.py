@@ -14,9 +14,9 @@ import threading
 
 import msgspec
 
-from robots.bridge.ros.bounds.memory import limit_memory
+from robots.bridge.robot.memory import limit_memory
+from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.inspector.requests import Inspector
-from robots.bridge.ros.vital import start_vital
 from robots.bridge.topics.inspector_messages import Ready
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig

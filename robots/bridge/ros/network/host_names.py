@@ -5,14 +5,14 @@ from __future__ import annotations
 import socket
 from collections.abc import Set
 
-from robots.bridge.ros.ros_worker import RosWorker
+from robots.bridge.robot.worker import Worker
 
 
 class HostNames:
     """The host names that a robot's nodes advertise."""
 
     def __init__(self) -> None:
-        self._worker = RosWorker("names")
+        self._worker = Worker("names")
         self._wanted: Set[str] = frozenset()
         self._unknown: Set[str] = frozenset()
 

@@ -18,11 +18,11 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.recorder.recorder import Recorder
+from robots.bridge.robot.memory import limit_memory
+from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros import child_node
-from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.recorder.reading import Reading
-from robots.bridge.ros.vital import start_vital
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import RECORDER

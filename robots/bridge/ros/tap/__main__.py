@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.tap.source import Source
-from robots.bridge.ros.vital import start_vital
 from robots.bridge.served.process import Call, run
 from robots.bridge.tap.tap_server import TapServer
 from robots.shared.configuration.bridge_config import BridgeConfig

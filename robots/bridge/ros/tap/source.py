@@ -11,8 +11,8 @@ import time
 
 from msgspec.structs import replace
 
+from robots.bridge.robot.board import BOARD
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.raw_topic import MOST_PUBLISHERS, RawTopic, Speaker
 from robots.bridge.ros.tap.pace import Pace

@@ -12,9 +12,9 @@ from msgspec import structs
 from robots.bridge.arm.clearance import ArmModel
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
+from robots.bridge.robot.worker import RateLimit, Worker
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
@@ -56,8 +56,8 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
     def __init__(self, node: Node, type: str) -> None:
         self._node = node
         self._arm = node.posture if node.config.topics.arm else None
-        self._list_worker = RosWorker("motions")
-        self._sweeping = RosWorker("motion")  # not on `_list_worker`, where a list may take seconds
+        self._list_worker = Worker("motions")
+        self._sweeping = Worker("motion")  # not on `_list_worker`, where a list may take seconds
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
         # By action: motions, and why there are none.

@@ -81,4 +81,4 @@ class Board:
         return self._shown
 
 
-BOARD = Board()  # one per process, as rospy has one node per process
+BOARD = Board()  # one per process, as its node

@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Callable
 
-from robots.shared.ros.master import MasterError
+from robots.shared.unreachable import Unreachable
 
 log = logging.getLogger(__name__)
 
@@ -23,5 +23,5 @@ def _or_end(work: Callable[[], None]) -> None:
     try:
         work()
     except Exception as error:
-        log.error("the process ends: %s", error, exc_info=not isinstance(error, OSError | MasterError))
+        log.error("the process ends: %s", error, exc_info=not isinstance(error, OSError | Unreachable))
         os._exit(1)

@@ -1,4 +1,4 @@
-"""Runs requests to the robot's master and nodes, which may take a while, outside the control loop's thread."""
+"""Runs requests to the robot, which may take a while, outside the control loop's thread."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import threading
 import time
 from collections.abc import Callable
 
-from robots.shared.ros.master import MasterError
+from robots.shared.unreachable import Unreachable
 
 log = logging.getLogger(__name__)
 
 Call = Callable[[], None]
 
 
-class RosWorker:
+class Worker:
     """Runs jobs one after another on its own thread, which ends with the process."""
 
     def __init__(self, name: str) -> None:
@@ -37,9 +37,9 @@ class RosWorker:
                 call = self._waiting.pop(0)
             try:
                 call()
-            except MasterError as error:
+            except Unreachable as error:
                 log.warning("a request to the robot failed: %s", error)
-            except Exception:  # any answer of a hostile master; the next call runs
+            except Exception:  # any answer of a hostile robot; the next call runs
                 log.exception("a request to the robot failed")
 
 
