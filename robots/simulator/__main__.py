@@ -69,7 +69,7 @@ def main() -> None:
     robot.localisation.waits = asked.lost
 
     # Imported here, so that --help and a wrong world need no ROS.
-    from robots.simulator.ros.node import CameraOptions
+    from robots.simulator.node import CameraOptions
     from robots.simulator.ros.process import run
 
     cameras = CameraOptions(asked.depth_encoding, asked.camera_clock)

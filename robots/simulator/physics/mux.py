@@ -22,6 +22,11 @@ TIAGO_INPUTS: Mapping[str, int] = {
     "nav_vel": 10,
 }
 
+# The same, except navigation's.
+TIAGO_INPUTS_ROS2: Mapping[str, int] = {
+    "cmd_vel" if name == "nav_vel" else name: priority for name, priority in TIAGO_INPUTS.items()
+}
+
 TIAGO_LOCKS: Mapping[str, int] = {
     "stop_closing_loop": 200,
     "pause_navigation": 100,
@@ -33,7 +38,8 @@ TIAGO_LOCKS: Mapping[str, int] = {
 class TwistMux:
     """Keeps each input's last time and the active locks. Times are seconds of one monotonic clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, inputs: Mapping[str, int] = TIAGO_INPUTS) -> None:
+        self._inputs = inputs
         self._heard_at: dict[str, float] = {}
         self._locked: set[str] = set()
 
@@ -48,7 +54,7 @@ class TwistMux:
 
     def passes(self, name: str, now: float) -> bool:
         """Note a command of input `name` at `now`; return whether it passes to the base."""
-        priority = TIAGO_INPUTS[name]
+        priority = self._inputs[name]
         self._heard_at[name] = now
         return priority >= self._highest_lock() and priority == self._highest_speaking(now)
 
@@ -56,5 +62,5 @@ class TwistMux:
         return max((TIAGO_LOCKS[name] for name in self._locked), default=0)
 
     def _highest_speaking(self, now: float) -> int:
-        speaking = (TIAGO_INPUTS[name] for name, at in self._heard_at.items() if now - at <= INPUT_TIMEOUT_S)
+        speaking = (self._inputs[name] for name, at in self._heard_at.items() if now - at <= INPUT_TIMEOUT_S)
         return max(speaking, default=0)

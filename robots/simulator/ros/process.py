@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import rosgraph
@@ -14,8 +14,9 @@ import rospy
 
 from robots.shared.processes.shutdown import end_event
 from robots.shared.ros.master import Master, MasterError
+from robots.simulator.node import CameraOptions, node_name
 from robots.simulator.robot import Robot
-from robots.simulator.ros.node import CameraOptions, SimulatorNode
+from robots.simulator.ros.node import set_parameters, simulator_node
 from robots.simulator.ros.registration import watch_registration
 
 log = logging.getLogger(__name__)
@@ -31,19 +32,17 @@ def run(robot: Robot, name: str, cameras: CameraOptions, exit_with_parent: bool)
     if not _wait_for_master(stop):
         return
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
-    rospy.init_node(_node_name(name), disable_signals=True)
-    node = SimulatorNode(robot, name, cameras)
+    rospy.init_node(node_name(name), disable_signals=True)
+    set_robot = partial(set_parameters, robot, name)
+    set_robot()
+    node = simulator_node(robot, cameras)
     try:
         log.info("%s is up at %s", name, rosgraph.get_master_uri())
-        watch_registration(stop, node.set_parameters)
+        watch_registration(stop, set_robot)
         node.run(stop)
     finally:
         node.close()
         _take_leave()
-
-
-def _node_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_]", "_", f"simulator_{name}")
 
 
 def _take_leave() -> None:

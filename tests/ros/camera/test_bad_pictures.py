@@ -27,7 +27,8 @@ from robots.shared.configuration.bridge_config import CameraSource
 from robots.simulator.cameras import encoding
 from robots.simulator.cameras.lens import HEAD_LENS
 from robots.simulator.faults import parse_faults
-from robots.simulator.ros.cameras.messages import camera_info
+from robots.simulator.ros.side import RospySide
+from robots.simulator.topics.cameras.messages import camera_info
 from tests.processes import PATIENCE_S, until
 from tests.ros.served import ServedProcess
 from tests.ros.support import Master
@@ -246,7 +247,7 @@ def test_a_changing_size_begins_a_new_video(camera, publish):
 
 
 def info(**changes: Any) -> CameraInfo:
-    message = camera_info(HEAD_LENS)
+    message = camera_info(RospySide(), HEAD_LENS)
     for name, value in changes.items():
         setattr(message, name, value)
     return message

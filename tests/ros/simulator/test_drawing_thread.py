@@ -9,8 +9,8 @@ import pytest
 from robots.simulator.joints.frames import camera_pose
 from robots.simulator.joints.joint_table import HOME
 from robots.simulator.physics.mujoco_world import Physics, Pose
-from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
 from robots.simulator.sensors.body import BODIES
+from robots.simulator.topics.cameras.drawing_thread import DrawingThread, Moment
 from tests.processes import PATIENCE_S
 from tests.simulator.conftest import room
 
@@ -18,7 +18,7 @@ PHYSICS = Physics(room(), BODIES["tiago"], Pose(0.0, 0.0, 0.0))
 
 
 def moment(number: int) -> Moment:
-    return Moment(None, float(number), PHYSICS.snapshot(), camera_pose(HOME))
+    return Moment(0, float(number), PHYSICS.snapshot(), camera_pose(HOME))
 
 
 class SlowCamera:

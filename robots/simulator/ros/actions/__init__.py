@@ -1,1 +1,1 @@
-"""The simulated robot's action servers: speech, motions, and the controllers of head, torso, arm and gripper."""
+"""Actions that only ROS 1 has, and what is different in ROS 1 in the others."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import queue
 import threading
 from typing import Any, NamedTuple
 
 import rospy
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
-from trajectory_msgs.msg import JointTrajectory
 
-from robots.shared.ros.message_types.classes import message_class
+from robots.simulator.actions.controllers import points_of
+from robots.simulator.actions.run_server import RunServer
 from robots.simulator.joints.joint_table import JOINTS
 from robots.simulator.joints.motions import Phase, Point, RefusedError, Run
 from robots.simulator.joints.trajectories import GOAL_TOLERANCE, check, joints_of
 from robots.simulator.robot import Robot
-from robots.simulator.ros.actions.action_server import RunServer
+from robots.simulator.ros_side import Goal, RosSide
+
+log = logging.getLogger(__name__)
 
 JOINT = "parallel_gripper_joint"
 _NAME = "/parallel_gripper_controller"
@@ -34,12 +37,13 @@ class Awaited(NamedTuple):
 class GripperServer:
     """`command`, `grasp` and `release`. There is no object to hold: a grasp closes the fingers."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, ros: RosSide, robot: Robot) -> None:
+        self._ros = ros
         self._player = robot.player
-        self._commands: queue.SimpleQueue[JointTrajectory] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Awaited] = queue.SimpleQueue()
         self._running: list[tuple[Run, threading.Event]] = []
-        rospy.Subscriber(f"{_NAME}/command", JointTrajectory, self._commands.put)
+        ros.subscribe(f"{_NAME}/command", "trajectory_msgs/JointTrajectory", self._commands.put)
         rospy.Service(f"{_NAME}/grasp", Empty, self._grasp)
         rospy.Service(f"{_NAME}/release", Empty, self._release)
 
@@ -56,18 +60,18 @@ class GripperServer:
                 self._running.remove((run, done))
                 done.set()
 
-    def _command(self, trajectory: JointTrajectory, now: float) -> None:
+    def _command(self, trajectory: Any, now: float) -> None:
         if list(trajectory.joint_names) != [JOINT] or any(len(p.positions) != 1 for p in trajectory.points):
-            rospy.logwarn("the gripper ignored a command: it moves %s, one position each", JOINT)
+            log.warning("the gripper ignored a command: it moves %s, one position each", JOINT)
             return
         points = [
-            Point([point.positions[0] / 2.0] * len(_FINGERS), point.time_from_start.to_sec())
-            for point in trajectory.points
+            Point([point.positions[0] / 2.0] * len(_FINGERS), point.time_from_start)
+            for point in points_of(self._ros, trajectory)
         ]
         try:
             check("gripper_controller", _FINGERS, points)
         except RefusedError as refused:
-            rospy.logwarn("the gripper ignored a command: %s", refused)
+            log.warning("the gripper ignored a command: %s", refused)
             return
         self._player.follow(_FINGERS, points, now)
 
@@ -89,36 +93,31 @@ class GripperServer:
 class GripperAction(RunServer):
     """`gripper_controller/gripper_action` (GripperCommand). Fingers that miss the goal have stalled."""
 
-    def __init__(self, robot: Robot) -> None:
-        super().__init__(
-            robot.player, "/gripper_controller/gripper_action", "control_msgs/GripperCommandAction"
-        )
+    def __init__(self, ros: RosSide, robot: Robot) -> None:
+        goals = ros.goals("/gripper_controller/gripper_action", "control_msgs/GripperCommand")
+        super().__init__(robot.player, goals)
         self._robot = robot
-        self._result = message_class("control_msgs/GripperCommandResult")
 
     def step(self, now: float) -> None:
         """Take new goals and cancels, then report whether the goal ended."""
         if not self._robot.faults.controllers_silent:
             self.take_goals(now)
 
-    def _begin(self, handle: Any, now: float) -> None:
-        gap_m = handle.get_goal().command.position
+    def _begin(self, goal: Goal, now: float) -> None:
+        gap_m = goal.request.command.position
         points = [Point([gap_m / len(_FINGERS)] * len(_FINGERS), 0.0)]
         try:
             check("gripper_controller", _FINGERS, points)
         except RefusedError as refused:
-            handle.set_rejected(text=str(refused))
+            goal.reject(str(refused))
             return
-        self._accept(handle, self._player.follow(_FINGERS, points, now), gap_m)
+        self._accept(goal, self._player.follow(_FINGERS, points, now), gap_m)
 
-    def _end(self, handle: Any, run: Run, aim: float) -> None:
+    def _end(self, goal: Goal, run: Run, aim: float) -> None:
         gap_m = sum(self._player.positions[finger] for finger in _FINGERS)
-        result = self._result(position=gap_m)
         if run.phase is not Phase.DONE:
-            handle.set_canceled(result, run.phase.value)
+            goal.cancel(run.phase.value, position=gap_m)
         elif abs(gap_m - aim) > GOAL_TOLERANCE:
-            result.stalled = True
-            handle.set_aborted(result)
+            goal.abort("", position=gap_m, stalled=True)
         else:
-            result.reached_goal = True
-            handle.set_succeeded(result)
+            goal.succeed(position=gap_m, reached_goal=True)

@@ -6,44 +6,44 @@ import math
 from typing import Any
 
 import numpy as np
-import rospy
 
-from robots.shared.ros.message_types.classes import message_class
+from robots.simulator.actions.run_server import RunServer
 from robots.simulator.joints.frames import FrameError, Matrix, frames, place
 from robots.simulator.joints.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, aim, error, eye
 from robots.simulator.joints.motions import EASED_PEAK, Phase, Point, Run
 from robots.simulator.robot import Robot
-from robots.simulator.ros.actions.action_server import RunServer
+from robots.simulator.ros_side import Goal, RosSide, Stamp
 
 
 class HeadServer(RunServer):
     """Points the head. The aim of a goal: the eye, and the target in the base frame at the goal's arrival."""
 
-    def __init__(self, robot: Robot) -> None:
-        super().__init__(robot.player, "/head_controller/point_head_action", "control_msgs/PointHeadAction")
+    def __init__(self, ros: RosSide, robot: Robot) -> None:
+        goals = ros.goals("/head_controller/point_head_action", "control_msgs/PointHead")
+        super().__init__(robot.player, goals)
+        self._ros = ros
         self._robot = robot
         self._frames = frames(robot.body)
-        self._feedback = message_class("control_msgs/PointHeadFeedback")
 
-    def publish(self, _stamp: rospy.Time) -> None:
+    def publish(self, _stamp: Stamp) -> None:
         """Publish the head's remaining error."""
         if self._running is not None:
-            handle, _, aim = self._running
-            handle.publish_feedback(self._feedback(pointing_angle_error=self._off(*aim)))
+            goal, _, aim = self._running
+            goal.feedback(pointing_angle_error=self._off(*aim))
 
-    def _begin(self, handle: Any, now: float) -> None:
-        goal = handle.get_goal()
+    def _begin(self, goal: Goal, now: float) -> None:
+        asked = goal.request
         try:
-            target = self._in_base(goal.target)
-            axis = goal.pointing_axis
-            looks = eye(self._frames, goal.pointing_frame, (axis.x, axis.y, axis.z))
+            target = self._in_base(asked.target)
+            axis = asked.pointing_axis
+            looks = eye(self._frames, asked.pointing_frame, (axis.x, axis.y, axis.z))
             wanted = aim(self._frames, looks, target, self._player.positions)
         except (FrameError, GazeError) as refused:
-            handle.set_rejected(text=str(refused))
+            goal.reject(str(refused))
             return
-        seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
+        seconds = max(self._ros.seconds(asked.min_duration), self._shortest_s(wanted, asked.max_velocity))
         run = self._player.follow(list(wanted), [Point(list(wanted.values()), seconds)], now)
-        self._accept(handle, run, (looks, target))
+        self._accept(goal, run, (looks, target))
 
     def _in_base(self, target: Any) -> Matrix:
         """Return the target's point in the base frame."""
@@ -65,10 +65,10 @@ class HeadServer(RunServer):
     def _off(self, looks: Eye, target: Matrix) -> float:
         return error(self._frames, looks, target, self._player.positions)
 
-    def _end(self, handle: Any, run: Run, aim: tuple[Eye, Matrix]) -> None:
+    def _end(self, goal: Goal, run: Run, aim: tuple[Eye, Matrix]) -> None:
         if run.phase is not Phase.DONE:
-            handle.set_canceled(text=run.phase.value)
+            goal.cancel(run.phase.value)
         elif (off := self._off(*aim)) > REACHED_RAD:
-            handle.set_aborted(text=f"the neck turns no further: {math.degrees(off):.0f} degrees off")
+            goal.abort(f"the neck turns no further: {math.degrees(off):.0f} degrees off")
         else:
-            handle.set_succeeded()
+            goal.succeed()

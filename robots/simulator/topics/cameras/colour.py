@@ -8,9 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import rospy
 from numpy.typing import NDArray
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from robots.simulator.cameras import encoding
 from robots.simulator.cameras.clock_code import draw_clock
@@ -18,10 +16,10 @@ from robots.simulator.cameras.lens import HEAD_LENS, REAR_LENS, Lens
 from robots.simulator.faults import Faults
 from robots.simulator.joints.frames import OPTICAL_FRAME, Placed, camera_pose, frames, place
 from robots.simulator.robot import Robot
-from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
-from robots.simulator.ros.cameras.messages import anybody, camera_info
-from robots.simulator.ros.messages import stamped
+from robots.simulator.ros_side import Publisher, RosSide, Stamp
 from robots.simulator.sensors.body import Body, CameraMount
+from robots.simulator.topics.cameras.drawing_thread import DrawingThread, Moment
+from robots.simulator.topics.cameras.messages import anybody, camera_info
 
 _WRONG_SIZE = Lens(100, 100, 50.0)
 
@@ -60,25 +58,26 @@ def rear_camera(body: Body, mount: CameraMount) -> CameraModel:
 class CameraPublisher:
     """Publishes the pictures of one colour camera."""
 
-    def __init__(self, robot: Robot, thread: DrawingThread, model: CameraModel) -> None:
+    def __init__(self, ros: RosSide, robot: Robot, thread: DrawingThread, model: CameraModel) -> None:
+        self._ros = ros
         self._robot = robot
         self._thread = thread
         self._model = model
-        self._raw = rospy.Publisher(f"{model.topic}/image_raw", Image, queue_size=1, tcp_nodelay=True)
+        self._raw = ros.publisher(f"{model.topic}/image_raw", "sensor_msgs/Image", sensor=True)
         self._publishers = [self._raw]
         self._compressed = None
         if model.compressed:
-            self._compressed = rospy.Publisher(
-                f"{model.topic}/image_raw/compressed", CompressedImage, queue_size=1, tcp_nodelay=True
+            self._compressed = ros.publisher(
+                f"{model.topic}/image_raw/compressed", "sensor_msgs/CompressedImage", sensor=True
             )
             self._publishers.append(self._compressed)
-        self._info = rospy.Publisher(f"{model.topic}/camera_info", CameraInfo, queue_size=1, tcp_nodelay=True)
+        self._info = ros.publisher(f"{model.topic}/camera_info", "sensor_msgs/CameraInfo", sensor=True)
         self._publishers.append(self._info)
         self._number = 0
         self._requested_s = -math.inf
-        self._last: list[tuple[rospy.Publisher, Any]] = []  # the messages of the last picture
+        self._last: list[tuple[Publisher, Any]] = []  # the messages of the last picture
 
-    def publish(self, stamp: rospy.Time) -> None:
+    def publish(self, stamp: Stamp) -> None:
         """Request a picture, if it has subscribers."""
         faults, now_s = self._faults, time.monotonic()
         if not anybody(*self._publishers) or self._thread.blind or faults.camera_dead:
@@ -104,39 +103,47 @@ class CameraPublisher:
         """Return whether to repeat the last picture: the camera is frozen, and each used topic has it."""
         sent = [publisher for publisher, _ in self._last]
         return self._faults.camera_frozen and all(
-            publisher in sent for publisher in self._publishers if publisher.get_num_connections()
+            publisher in sent for publisher in self._publishers if publisher.wanted
         )
 
     @property
     def _faults(self) -> Faults:
         return self._robot.faults if self._model.breaks else Faults()
 
-    def _messages(self, pixels: NDArray[np.uint8], moment: Moment) -> list[tuple[rospy.Publisher, Any]]:
-        found: list[tuple[rospy.Publisher, Any]] = [(self._info, self._camera_info())]
-        if self._raw.get_num_connections():
+    def _messages(self, pixels: NDArray[np.uint8], moment: Moment) -> list[tuple[Publisher, Any]]:
+        found: list[tuple[Publisher, Any]] = [(self._info, self._camera_info())]
+        if self._raw.wanted:
             raw = encoding.raw(pixels, self._number, self._faults)
-            message = Image(
-                height=raw.height, width=raw.width, encoding=raw.encoding, step=raw.step, data=raw.data
+            message = self._ros.new(
+                "sensor_msgs/Image",
+                height=raw.height,
+                width=raw.width,
+                encoding=raw.encoding,
+                step=raw.step,
+                data=self._ros.octets(raw.data),
             )
             found.append((self._raw, message))
-        if self._compressed is not None and self._compressed.get_num_connections():
+        if self._compressed is not None and self._compressed.wanted:
             kind, data = encoding.compressed(pixels, self._number, self._faults)
-            found.append(
-                (self._compressed, CompressedImage(format=f"rgb8; {kind} compressed bgr8", data=data))
+            message = self._ros.new(
+                "sensor_msgs/CompressedImage",
+                format=f"rgb8; {kind} compressed bgr8",
+                data=self._ros.octets(data),
             )
+            found.append((self._compressed, message))
         for _, message in found:
-            stamped(message, moment.stamp, self._model.frame)
+            self._ros.stamped(message, moment.stamp, self._model.frame)
         return found
 
-    def _camera_info(self) -> CameraInfo:
+    def _camera_info(self) -> Any:
         """Return the camera info; with the fault, in turn: zeros (not calibrated), another size, nan."""
-        info = camera_info(self._model.lens)
+        info = camera_info(self._ros, self._model.lens)
         if self._faults.camera_info_wrong:
             match self._number % 3:
                 case 0:
-                    info.K, info.P = [0.0] * 9, [0.0] * 12
+                    self._ros.calibrated(info, k=[0.0] * 9, p=[0.0] * 12)
                 case 1:
-                    info = camera_info(_WRONG_SIZE)
+                    info = camera_info(self._ros, _WRONG_SIZE)
                 case 2:
-                    info.K, info.P = [math.nan] * 9, [math.nan] * 12
+                    self._ros.calibrated(info, k=[math.nan] * 9, p=[math.nan] * 12)
         return info

@@ -7,13 +7,13 @@ import threading
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import rospy
 from numpy.typing import NDArray
 
 from robots.simulator.cameras.drawing import Drawing, NoCameraError
 from robots.simulator.cameras.lens import Lens
 from robots.simulator.joints.frames import Placed
 from robots.simulator.physics.mujoco_world import Physics, Snapshot, WorldReader
+from robots.simulator.ros_side import Stamp
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ _END_S = 2.0
 class Moment(NamedTuple):
     """The world and the camera at one moment. `monotonic_s`: that moment on CLOCK_MONOTONIC."""
 
-    stamp: rospy.Time
+    stamp: Stamp
     monotonic_s: float
     snapshot: Snapshot
     camera: Placed

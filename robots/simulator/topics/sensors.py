@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+from array import array
+from typing import Any
+
 import numpy as np
-import rospy
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan, Range
 
 from robots.simulator.robot import Robot
-from robots.simulator.ros.messages import stamped
+from robots.simulator.ros_side import RosSide, Stamp
 from robots.simulator.sensors.sonar import Sonar
+
+ULTRASOUND = 0  # radiation_type of sensor_msgs/Range
 
 
 class LaserTopics:
     """The raw scan, and the scan as PAL filters it."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, ros: RosSide, robot: Robot) -> None:
+        self._ros = ros
         self._robot = robot
         names = robot.body.names
-        self._raw = rospy.Publisher(names.scan, LaserScan, queue_size=1, tcp_nodelay=True)
+        self._raw = ros.publisher(names.scan, "sensor_msgs/LaserScan", sensor=True)
         self._filtered = None
         if names.filtered_scan:
-            self._filtered = rospy.Publisher(names.filtered_scan, LaserScan, queue_size=1, tcp_nodelay=True)
-        self._last: tuple[rospy.Time, NDArray[np.float32]] | None = None
+            self._filtered = ros.publisher(names.filtered_scan, "sensor_msgs/LaserScan", sensor=True)
+        self._last: tuple[Stamp, NDArray[np.float32]] | None = None
 
-    def publish(self, stamp: rospy.Time) -> None:
+    def publish(self, stamp: Stamp) -> None:
         """Scan once and publish on both topics."""
         faults = self._robot.faults
         if faults.laser_dead:
@@ -35,42 +39,45 @@ class LaserTopics:
         stamp, ranges = self._last
         if faults.laser_nan:
             ranges = np.full_like(ranges, np.nan)
-        if self._raw.get_num_connections():
+        if self._raw.wanted:
             self._raw.publish(self._message(stamp, ranges))
-        if self._filtered is not None and self._filtered.get_num_connections():
+        if self._filtered is not None and self._filtered.wanted:
             self._filtered.publish(self._message(stamp, laser.blanked(ranges)))
 
-    def _message(self, stamp: rospy.Time, ranges: NDArray[np.float32]) -> LaserScan:
+    def _message(self, stamp: Stamp, ranges: NDArray[np.float32]) -> Any:
         laser = self._robot.laser
-        message = LaserScan(
+        message = self._ros.new(
+            "sensor_msgs/LaserScan",
             angle_min=-laser.mount.half_angle,
             angle_max=laser.mount.half_angle,
             angle_increment=laser.increment,
             scan_time=0.1,
             range_min=laser.mount.shortest_m,
             range_max=laser.mount.longest_m,
-            ranges=ranges.tolist(),
+            ranges=array("f", ranges.astype(np.float32).tobytes()),
         )
-        return stamped(message, stamp, laser.mount.frame)
+        return self._ros.stamped(message, stamp, laser.mount.frame)
 
 
 class SonarTopic:
     """All sonars on one topic, distinguished by their frames."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, ros: RosSide, robot: Robot) -> None:
+        self._ros = ros
         self._robot = robot
-        self._ranges = rospy.Publisher("/sonar_base", Range, queue_size=5, tcp_nodelay=True)
+        self._ranges = ros.publisher("/sonar_base", "sensor_msgs/Range", queue=5, sensor=True)
 
-    def publish(self, sonar: Sonar, stamp: rospy.Time) -> None:
+    def publish(self, sonar: Sonar, stamp: Stamp) -> None:
         """Measure with one sonar and publish the range."""
-        if self._robot.faults.sonar_dead or not self._ranges.get_num_connections():
+        if self._robot.faults.sonar_dead or not self._ranges.wanted:
             return
         mount = sonar.mount
-        message = Range(
-            radiation_type=Range.ULTRASOUND,
+        message = self._ros.new(
+            "sensor_msgs/Range",
+            radiation_type=ULTRASOUND,
             field_of_view=mount.fov,
             min_range=mount.shortest_m,
             max_range=mount.longest_m,
             range=sonar.range_m(self._robot.physics),
         )
-        self._ranges.publish(stamped(message, stamp, mount.frame))
+        self._ranges.publish(self._ros.stamped(message, stamp, mount.frame))

@@ -1,0 +1,1 @@
+"""The simulated robot's topics, whichever ROS carries them."""
