@@ -10,7 +10,7 @@ import base64
 import binascii
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from robots.shared.sentences import say
 from robots.shared.wire import Field, Refusal
@@ -31,7 +31,23 @@ INTEGERS = {
 }
 FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
 BYTES = ("uint8", "char")  # arrays of these may be given as base64, as rosbridge writes them
-STAMPS = {"time": "uint32", "duration": "int32"}  # with the type of their seconds
+
+
+class StampKind(NamedTuple):
+    """How a time or a duration is given: the names of seconds and nanoseconds, and their types."""
+
+    names: tuple[str, str]
+    whole: str
+    part: str
+    has_now: bool
+
+
+STAMPS = {
+    "time": StampKind(("secs", "nsecs"), "uint32", "uint32", has_now=True),
+    "duration": StampKind(("secs", "nsecs"), "int32", "int32", has_now=False),
+    "builtin_interfaces/Time": StampKind(("sec", "nanosec"), "int32", "uint32", has_now=True),
+    "builtin_interfaces/Duration": StampKind(("sec", "nanosec"), "int32", "uint32", has_now=False),
+}
 MAX_DEPTH = 24  # levels of nesting
 MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
 
@@ -153,22 +169,29 @@ def _number(type_name: str, given: Any, path: str) -> float:
 
 
 def _stamp(type_name: str, given: Any, path: str) -> Any:
-    """Return {"secs", "nsecs"}; a time may be "now"."""
-    if given == NOW and type_name == "time":
+    """Return seconds and nanoseconds by their names; a time may be "now"."""
+    kind = STAMPS[type_name]
+    whole, part = kind.names
+    if given == NOW and kind.has_now:
         return NOW
     if isinstance(given, Mapping):
-        if not set(given) <= {"secs", "nsecs"}:
-            raise BadField(path, "{path}: a {type} has secs and nsecs.", type=type_name)
-        secs = _whole(STAMPS[type_name], given.get("secs", 0), f"{path}.secs")
-        nsecs = _whole(STAMPS[type_name], given.get("nsecs", 0), f"{path}.nsecs")
-        if not 0 <= nsecs < 1_000_000_000:
-            raise BadField(f"{path}.nsecs", "{path}: from 0 to 999999999.")
-        return {"secs": secs, "nsecs": nsecs}
+        if not set(given) <= {whole, part}:
+            raise BadField(
+                path, "{path}: a {type} has {whole} and {part}.", type=type_name, whole=whole, part=part
+            )
+        seconds = _whole(kind.whole, given.get(whole, 0), f"{path}.{whole}")
+        nanoseconds = _whole(kind.part, given.get(part, 0), f"{path}.{part}")
+        if not 0 <= nanoseconds < 1_000_000_000:
+            raise BadField(f"{path}.{part}", "{path}: from 0 to 999999999.")
+        return {whole: seconds, part: nanoseconds}
     if isinstance(given, bool) or not isinstance(given, int | float):
-        if type_name == "time":
-            raise BadField(path, '{path}: seconds, or secs and nsecs or "now", not {given}.', given)
-        raise BadField(path, "{path}: seconds, or secs and nsecs, not {given}.", given)
-    low, high = INTEGERS[STAMPS[type_name]]
+        figures = {"whole": whole, "part": part}
+        if kind.has_now:
+            raise BadField(
+                path, '{path}: seconds, or {whole} and {part} or "now", not {given}.', given, **figures
+            )
+        raise BadField(path, "{path}: seconds, or {whole} and {part}, not {given}.", given, **figures)
+    low, high = INTEGERS[kind.whole]
     if not low <= given < high + 1:  # false for NaN and infinities as well
         raise BadField(
             path,
@@ -178,9 +201,9 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
             low=low,
             high=high,
         )
-    whole, part = divmod(given, 1)
-    nanoseconds = round(part * 1_000_000_000)
-    return {"secs": int(whole) + nanoseconds // 1_000_000_000, "nsecs": nanoseconds % 1_000_000_000}
+    complete, rest = divmod(given, 1)
+    nanoseconds = round(rest * 1_000_000_000)
+    return {whole: int(complete) + nanoseconds // 1_000_000_000, part: nanoseconds % 1_000_000_000}
 
 
 def _text(given: Any, path: str) -> str:

@@ -249,7 +249,7 @@ function inputFor(field) {
 }
 
 function isMessage({ type }) {
-  return type.includes("/");
+  return type.includes("/") && !type.startsWith("builtin_interfaces/");
 }
 
 function isArray({ array }) {

@@ -2,11 +2,13 @@
 
 const WHOLE = /^u?int(8|16|32|64)$|^byte$|^char$/;
 const FRACTION = /^float(32|64)$/;
+const TIME = /^(time|builtin_interfaces\/Time)$/; // of ROS 1, of ROS 2
+const DURATION = /^(duration|builtin_interfaces\/Duration)$/;
 
 /** Return the text with which a field begins. */
 export function blankText(type) {
-  if (type === "time") return "now";
-  if (type === "duration" || WHOLE.test(type) || FRACTION.test(type)) return "0";
+  if (TIME.test(type)) return "now";
+  if (DURATION.test(type) || WHOLE.test(type) || FRACTION.test(type)) return "0";
   return "";
 }
 
@@ -16,7 +18,7 @@ export function parsed(text, { type, constants = {} }) {
   const trimmed = text.trim();
   if (Object.hasOwn(constants, trimmed)) return constants[trimmed];
   if (type === "bool") return truth(trimmed);
-  if (type === "time" && trimmed === "now") return "now";
+  if (TIME.test(type) && trimmed === "now") return "now";
   if (trimmed === "") throw new Error(gettext("Write a number."));
   const value = Number(trimmed);
   if (!Number.isFinite(value)) throw new Error(gettext("This is not a number."));

@@ -12,7 +12,6 @@ from robots.shared.wire import Described, Field
 # A publisher may send any text: each takes time in proportion to it
 _EMBEDDED = re.compile(r"^MSG:[ \t]*([^\s/]+/[^\s/]+)[ \t]*$", re.MULTILINE)
 _CONSTANT = re.compile(r"^[ \t]*([a-z0-9]+)[ \t]+([A-Za-z]\w*)[ \t]*=(.*)$", re.MULTILINE)
-_TYPEDEF_OF_TIME = {"fieldnames": ["secs", "nsecs"], "fieldtypes": ["int32", "int32"], "examples": ["0", "0"]}
 
 
 def typedefs(described: Described) -> list[dict[str, Any]]:
@@ -48,7 +47,15 @@ def _typedef(type_: str, fields: Sequence[Field], text: str) -> dict[str, Any]:
 
 
 def _time(type_: str) -> dict[str, Any]:
-    return {"type": type_, **_TYPEDEF_OF_TIME, "fieldarraylen": [-1, -1], "constnames": [], "constvalues": []}
+    return {
+        "type": type_,
+        "fieldnames": list(STAMPS[type_].names),
+        "fieldtypes": ["int32", "int32"],
+        "fieldarraylen": [-1, -1],
+        "examples": ["0", "0"],
+        "constnames": [],
+        "constvalues": [],
+    }
 
 
 def _is_plain(field: Field) -> bool:

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from robots.shared.messages.packing import Broken, TooLarge
+from robots.shared.messages.packing import Broken, Detail, Layout, TooLarge
+from robots.shared.messages.serialization import CDR
 from robots.shared.messages.whole import cbor_encoder, json_encoder
 from robots.shared.wire import Field
 
@@ -65,3 +66,32 @@ def test_points_and_times():
     }
     assert json.loads(json_encoder(definition)(data)) == wanted
     assert cbor2.loads(cbor_encoder(definition)(data)) == wanted
+
+
+def test_numbers_of_cdr_begin_at_multiples_of_their_width():
+    point = Field("at", "lab_msgs/Mark", -1, fields=[Field("on", "bool"), Field("x", "float64")])
+    definition = [
+        Field("name", "string"),
+        Field("when", "builtin_interfaces/Time"),
+        point,
+        Field("n", "uint16"),
+    ]
+    data = b"\0\1\0\0" + struct.pack(
+        "<I2s 2x iI I ?3x d ?7x d H", 2, b"a\0", -7, 9, 2, True, 1.5, False, -2.5, 65535
+    )
+    wanted = {
+        "name": "a",
+        "when": {"sec": -7, "nanosec": 9},
+        "at": [{"on": True, "x": 1.5}, {"on": False, "x": -2.5}],
+        "n": 65535,
+    }
+    everything = Detail(whole=10, first=10, text=10)
+    assert Layout(definition, CDR).read(data, everything) == (wanted, {})
+    assert Layout(definition, CDR).write(wanted, (0, 0)) == data
+    for after in (b"", b"unwritten"):  # Fast DDS may send more bytes than it wrote
+        assert json.loads(json_encoder(definition, CDR)(data + after)) == wanted
+    for broken in (b"", b"\0\1", data[:-1], b"\0\0" + data[2:]):  # the last: numbers of the other byte order
+        with pytest.raises(Broken):
+            json_encoder(definition, CDR)(broken)
+        with pytest.raises(Broken):
+            Layout(definition, CDR).read(broken, everything)

@@ -7,7 +7,7 @@ const FIELDS = [
     name: "header",
     type: "std_msgs/Header",
     fields: [
-      { name: "stamp", type: "time" },
+      { name: "stamp", type: "builtin_interfaces/Time" },
       { name: "frame_id", type: "string" },
     ],
   },
