@@ -9,6 +9,7 @@ from typing import Any
 from unittest.mock import Mock
 
 from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.ros.network.parameters import MasterParameters
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.ros.master import Master
 
@@ -22,7 +23,7 @@ def motion_topics(
         routing=Mock(connected=lambda _use: names), capabilities=Mock(read=offers), motions=tasks or Mock()
     )
     node = Mock(
-        master=Master(master_uri, "/test"),
+        parameters=MasterParameters(Master(master_uri, "/test")),
         mail=Mailboxes(lambda call: call()),
         post=lambda call: call(),
         tasks=of_holder,

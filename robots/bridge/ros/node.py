@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 import rospy
@@ -27,16 +27,20 @@ from robots.bridge.core import Core
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.robot.board import BOARD
+from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.robot.memory import end_without_memory
+from robots.bridge.robot.parts import RobotPart, kinds_in, parts_of
 from robots.bridge.robot.velocity_sources import velocity_sources
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
+from robots.bridge.ros import tasks
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import hurry, pause, speaker
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
 from robots.bridge.ros.network.master_monitor import MasterMonitor
+from robots.bridge.ros.network.parameters import MasterParameters
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.sensors.brief import BRIEF
@@ -45,9 +49,7 @@ from robots.bridge.ros.sensors.diagnostics import statuses
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
-from robots.bridge.ros.tasks.parts import parts_of
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
-from robots.bridge.ros.tasks.robot_part import RobotPart
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import InputSwitch
@@ -63,6 +65,7 @@ from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)
 P = TypeVar("P")
+PARTS = kinds_in(tasks)
 
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
@@ -89,7 +92,8 @@ class RosBase(InputSwitch):
 
     def __init__(self, config: BridgeConfig) -> None:
         self.config = config
-        self.master = Master(config.master_uri, BRIDGE)
+        self._master = Master(config.master_uri, BRIDGE)
+        self.parameters: RobotParameters = MasterParameters(self._master)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
         self._acknowledgements: Acknowledgements | None = None
@@ -105,7 +109,7 @@ class RosBase(InputSwitch):
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
         self._topic_worker = Worker("topics")
-        self._monitor = MasterMonitor(self.master, self)
+        self._monitor = MasterMonitor(self._master, self)
         self._described = False
         self._description: object = None  # the robot's description that is in use
         self._read_s = -math.inf  # time of the last read
@@ -276,7 +280,7 @@ class RosBase(InputSwitch):
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancelled
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
-        self.parts = tuple(parts_of(self))
+        self.parts = parts_of(self, PARTS)
         if self.posture and topics.joint_states:
             posture = PostureTopics(self.posture, self._on_posture if topics.arm else None)
             motions = topics.motions if topics.arm and topics.arm.postures else None
@@ -319,7 +323,7 @@ class RosBase(InputSwitch):
     def _follow_clock(self, system: SystemState) -> None:
         """Report whether the robot's nodes follow a simulated clock."""
         try:
-            simulated = "/clock" in system.publishers and self.master.parameter("/use_sim_time") is True
+            simulated = "/clock" in system.publishers and self._master.parameter("/use_sim_time") is True
         except MasterError:
             return  # the next survey asks again
         self.post(lambda: self._core.follow_clock(simulated=simulated))
@@ -332,7 +336,7 @@ class RosBase(InputSwitch):
     def find_listener(self, topic: str) -> None:
         """Ask the master again who listens, if nobody listened to this topic at the last survey."""
         if topic not in self._listened:
-            self._report_listened(self.master.system_state())
+            self._report_listened(self._master.system_state())
 
     def _report_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)
@@ -351,7 +355,7 @@ class RosBase(InputSwitch):
         """Notice that other nodes, or another run of one, publish the map. If all are gone, the map stays."""
         topic = self.config.topics.map
         nodes = system.publishers.get(topic.name, [])[:MOST_LOOKED_UP] if topic else []
-        servers = {node: self.master.node_uri(node) for node in nodes}
+        servers = {node: self._master.node_uri(node) for node in nodes}
         if servers and servers != self._map_servers:
             is_other, self._map_servers = bool(self._map_servers), servers
             if is_other:
@@ -455,7 +459,7 @@ class RosBase(InputSwitch):
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
         """Return a sentence for each host name of the robot that this computer cannot resolve."""
-        uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self.master.node_uri(node))]
+        uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self._master.node_uri(node))]
         return [
             say(
                 "The robot calls itself {host}, which cannot be resolved here: give it a host alias.",
@@ -478,7 +482,7 @@ class RosBase(InputSwitch):
         if not (before and self._is_unconnected):
             return ""
         node = listening[0]
-        uri = self.master.node_uri(node)
+        uri = self._master.node_uri(node)
         why = uri and why_silent(uri)
         if why:
             return say("{node} should listen to {topic}, but {why}.", node=node, topic=drive.name, why=why)
@@ -594,3 +598,7 @@ def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
         return ""
     key = "{topic} is {found} on the robot, {type} in the registry."
     return say(key, topic=topic.name, found=found, type=topic.type)
+
+
+if TYPE_CHECKING:
+    SIDE: Callable[[BridgeConfig], RobotSide] = RosBase

@@ -8,6 +8,7 @@ import threading
 import time
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rospy
 from actionlib_msgs.msg import GoalID
@@ -20,6 +21,11 @@ from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, pu
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.ros.master import DeathWatch, Master, MasterError, node_alive
 from robots.shared.ros.registration import register_again
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from robots.bridge.robot.interface import StopSide
 
 log = logging.getLogger(__name__)
 
@@ -170,3 +176,7 @@ class WatchdogNode:
             left = self._drives[name]
             self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
             left.unregister()
+
+
+if TYPE_CHECKING:
+    SIDE: Callable[[WatchdogConfig], StopSide] = WatchdogNode

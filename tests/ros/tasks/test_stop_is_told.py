@@ -7,8 +7,8 @@ import msgspec
 import pytest
 import rospy
 
-from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.tasks.parts import parts_of
+from robots.bridge.robot.parts import parts_of
+from robots.bridge.ros.node import PARTS, RosBase
 from robots.registry.configuration.robot_config import profile_topics
 from robots.registry.models import RobotProfile
 from robots.registry.shipped_profiles import profile_files
@@ -41,7 +41,7 @@ def topics(monkeypatch):
 
 def parts(bench):
     """The robot's parts over ROS."""
-    return list(parts_of(Mock(config=bench.core.config, tasks=bench.core.tasks)))
+    return parts_of(Mock(config=bench.core.config, tasks=bench.core.tasks), PARTS)
 
 
 def ending(topics, end):

@@ -12,24 +12,20 @@ from msgspec import structs
 from robots.bridge.arm.clearance import ArmModel
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
+from robots.bridge.robot.interface import Node
+from robots.bridge.robot.parts import RobotPart
 from robots.bridge.robot.worker import RateLimit, Worker
-from robots.bridge.ros.inspector import services
-from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
-from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.motions import MotionPlayer, Swept, offered, recorded
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.messages.packing import Detail
-from robots.shared.ros.master import MasterError
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.sentences import joined, say
 from robots.shared.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
+from robots.shared.unreachable import Unreachable
 from robots.shared.wire import MotionOffer
 
-WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
-LARGEST_LIST = 1024 * 1024  # bytes of the list of motions
 # between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
 JOINED_GAP_S = 5.0
 REACH_M = 1.3  # of an arm that the profile does not describe, around the middle of the base
@@ -86,10 +82,11 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
 
         Reports the motions of each action, or the reason why there are none.
         """
+        source = self._node.parameters
         for action in list(self._actions):
             try:
-                parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
-            except MasterError as error:  # the known motions stay
+                parameters, listed = source.motions(action), source.listed_motions(action)
+            except Unreachable as error:  # the known motions stay
                 self._offers.setdefault(action, ([], error.args[0]))
             else:
                 self.repertoire[action] = recorded(parameters, listed)
@@ -131,9 +128,9 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
         """Return the robot's present motion (None: points unknown), and whether it differs from the last `read`.
 
-        One call to the master. KeyError if there is no such motion, MasterError if the master does not answer.
+        One call to the robot. KeyError if there is no such motion, Unreachable if the robot does not answer.
         """
-        now = recorded({motion: self._parameters(action, motion)})[motion]
+        now = recorded({motion: self._node.parameters.motions(action, motion)})[motion]
         read = self.repertoire.get(action, {})
         if now is None and motion not in read:
             raise KeyError(motion)
@@ -153,24 +150,6 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
     @property
     def cancels(self) -> list[Callable[[], None]]:
         return [action.cancel_all for action in self._actions.values()]
-
-    def _parameters(self, action: str, motion: str = "") -> Any:
-        """Return the parameters of an action's motions, or of one motion."""
-        return self._node.master.parameter(f"{action}/motions/{motion}".rstrip("/"))
-
-    def _listed(self, service: str) -> dict[str, float] | None:
-        """Return names and durations (s) of the motions that the service lists; None without an answer."""
-        try:
-            found = services.find(self._node.master, service)
-            if found.type != "play_motion_msgs/ListMotions":
-                return None
-            answer, _ = services.call(found, {}, lambda: None, WHOLE, LARGEST_LIST)
-        except (Declined, ValueError):
-            return None
-        return {
-            info["name"]: info["duration"]["secs"] + info["duration"]["nsecs"] / 1e9
-            for info in answer["motions"]
-        }
 
     # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 

@@ -13,11 +13,12 @@ import rospy
 
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
+from robots.bridge.robot.interface import Node
 from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.parts import RobotPart
 from robots.bridge.ros.sensors.convert import planar_pose
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
-from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
 from robots.shared.geometry.poses import Pose, Velocity
 from robots.shared.ros.message_types.classes import message_class

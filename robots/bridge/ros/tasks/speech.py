@@ -8,10 +8,11 @@ from typing import Any
 
 from actionlib_msgs.msg import GoalStatus
 
+from robots.bridge.robot.interface import Node
 from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.parts import RobotPart
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
-from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance
 from robots.shared.configuration.bridge_config import Topic
