@@ -26,8 +26,8 @@ chown postgres $data && chmod 700 $data
 PATH=$PATH:/usr/lib/postgresql/15/bin
 if [[ ! -s $data/PG_VERSION ]]; then
     install -m 600 -o postgres <(echo "$POSTGRES_PASSWORD") /tmp/password
-    as initdb -D $data -U "$POSTGRES_USER" --pwfile=/tmp/password --encoding=UTF8 \\
-        --auth-local=trust --auth-host=scram-sha-256
+    as initdb -D $data -U "$POSTGRES_USER" --pwfile=/tmp/password --encoding=UTF8 $POSTGRES_INITDB_ARGS
+    echo "host all all all scram-sha-256" >>$data/pg_hba.conf
     as pg_ctl -D $data -w -o "-c listen_addresses=''" start
     as createdb -U "$POSTGRES_USER" "$POSTGRES_USER"
     as pg_ctl -D $data -w stop

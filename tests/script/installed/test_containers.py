@@ -46,7 +46,9 @@ def test_compose_starts_roles_that_exist_behind_its_proxy() -> None:
         assert one["cap_drop"] == ["ALL"] and one["read_only"]
     port = arguments(consoles[0]["command"]).port
     assert f"reverse_proxy 127.0.0.1:{port} " in (DEPLOY / "Caddyfile").read_text()
-    assert services["database"]["command"][-1] == "listen_addresses=127.0.0.1"  # of this computer only
+    database = services["database"]
+    assert database["command"][-1] == "listen_addresses=127.0.0.1"  # of this computer only
+    assert database["environment"]["POSTGRES_INITDB_ARGS"] == "--auth-host=scram-sha-256"
     assert services["redis"]["command"][-2:] == ["--bind", "127.0.0.1"]
     assert {one["network_mode"] for one in services.values()} == {"host"}
     # podman-restart.service starts these after a boot, and no others.
@@ -123,6 +125,9 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
         monkeypatch.setenv("SSL_CERT_FILE", f"{volume}/caddy/pki/authorities/local/root.crt")
         set_up(compose.log("console"), STAFF, "TIAGo 42", "http://127.0.0.1:9")
         assert "all are as written" in compose("exec", "-T", *backup.split())
+        anybody = ["psql", "--no-password", "postgresql://fleet@127.0.0.1/fleet", "--command", "SELECT 1"]
+        asked = subprocess.run(anybody, capture_output=True, text=True)
+        assert "no password supplied" in asked.stderr, asked
         compose("down")
         compose("up", "-d")
         until(is_served, "the console after down and up", STARTS_S)
