@@ -34,6 +34,7 @@ from teleop.models import EndReason
 
 log = logging.getLogger(__name__)
 
+RELEASED = say("You released control.")
 RETRY_S = 1.0  # pause between two attempts to store the end of control
 
 Report = Callable[[Control | Notice], Awaitable[None]]
@@ -104,12 +105,12 @@ class ControlHolder:
         taken = await self._change(services.lease_take, highest_fence=await self._highest_fence())
         return taken.session
 
-    def undo_take(self, session: UUID, refusal: Refusal) -> None:
-        """End a session that `take_control` took, also if it has not begun here: its caller was refused."""
-        if not (
-            session == self.session and self._give_up(EndReason.BRIDGE, refusal.sentence, refusal=refusal)
-        ):
-            self._end_soon(session, EndReason.BRIDGE, refusal, None)
+    def undo_take(self, session: UUID, refusal: Refusal | None = None) -> None:
+        """End a session that `take_control` took, also if it has not begun here: its caller was refused, or is gone."""
+        reason = EndReason.BRIDGE if refusal else EndReason.RELEASED
+        words = refusal.sentence if refusal else RELEASED
+        if not (session == self.session and self._give_up(reason, words, refusal=refusal)):
+            self._end_soon(session, reason, refusal, None)
 
     async def take_over(self, reason: str) -> None:
         """Take control from another person, as a supervisor or staff."""
@@ -145,7 +146,7 @@ class ControlHolder:
 
     async def release(self) -> None:
         """Release control. The robot stops first; then the end is stored."""
-        if not self._give_up(EndReason.RELEASED, say("You released control."), by=self._user_id):
+        if not self._give_up(EndReason.RELEASED, RELEASED, by=self._user_id):
             raise ControlRefused(NO_LEASE)
         # Store the end before the report: a program may read the robot's state as soon as it gets the report.
         try:

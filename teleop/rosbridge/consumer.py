@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import count
 from typing import Any
 
@@ -211,16 +212,10 @@ class RosbridgeConsumer(ControllingSocket):
         try:
             operation = operation_of(raw)
         except WireError as error:
-            heading = _heading(raw)
-            if await self.within_budget(heading.op):
-                await self.refuse(heading.op, error.refusal, heading.id)
-                if (answer := _failure(heading, error.refusal)) and not self.is_behind():
-                    await self.send(answer)
+            await self._refuse_misfit(_heading(raw), error.refusal)
             return
-        if self._is_stop(operation):  # counts for the flood limit, but is never refused
-            flood = not self.spend()
-            self.stop_button.press(self.hub.link, flood=flood)
-            if flood and self.is_behind():
+        if isinstance(operation, operations.CallService) and self._is_stop(operation.service):
+            if self._press_stop() and self.is_behind():
                 return  # the answers of a flood would fill the memory
         elif not await self.within_budget(wire.kind_of(operation)):
             return
@@ -228,6 +223,17 @@ class RosbridgeConsumer(ControllingSocket):
             await self._wait(operation)
             return
         await self._act(operation)
+
+    async def _refuse_misfit(self, heading: _Heading, refusal: Refusal) -> None:
+        """Refuse an operation that is not valid. What is called a stop stops, whatever its other fields are."""
+        if heading.op == "call_service" and self._is_stop(heading.service):
+            if self._press_stop():
+                return
+        elif not await self.within_budget(heading.op):
+            return
+        await self.refuse(heading.op, refusal, heading.id)
+        if (answer := _failure(heading, refusal)) and not self.is_behind():
+            await self.send(answer)
 
     def _must_wait(self, operation: Operation) -> bool:
         """Return whether the operation has to wait: its answer could not be sent, or it needs the link."""
@@ -265,12 +271,14 @@ class RosbridgeConsumer(ControllingSocket):
         except NotDone as refused:
             await self.refuse(of, refused.refusal, operation.id)
 
-    def _is_stop(self, operation: Operation) -> bool:
-        return (
-            isinstance(operation, operations.CallService)
-            and full_name(operation.service) == STOP
-            and self.joined
-        )
+    def _is_stop(self, service: object) -> bool:
+        return isinstance(service, str) and full_name(service) == STOP and self.joined
+
+    def _press_stop(self) -> bool:
+        """Send the stop. It counts for the flood limit, but is never refused. Return whether it exceeds the limit."""
+        flood = not self.spend()
+        self.stop_button.press(self.hub.link, flood=flood)
+        return flood
 
     def on_message_at_once(self, raw: str) -> bool:
         """Forward the holder's velocity to a bridge on this computer."""
@@ -283,7 +291,7 @@ class RosbridgeConsumer(ControllingSocket):
         operation = operation_of(raw)
         if isinstance(operation, operations.Fragment):
             raise NotDone(_NESTED)
-        if self._is_stop(operation):
+        if isinstance(operation, operations.CallService) and self._is_stop(operation.service):
             self.stop_button.press(self.hub.link)
         elif self._must_wait(operation):
             await self._wait(operation)
@@ -396,7 +404,7 @@ def _worded(refusal: Refusal) -> str:
 
 class _Heading(msgspec.Struct):
     op: str = ""
-    id: Id = None
+    id: Any = None
     service: Any = ""
     action: Any = ""
 
@@ -407,7 +415,9 @@ def _heading(raw: str) -> _Heading:
         found = _heading_of(raw[: operations.LARGEST_BYTES])
     except (msgspec.DecodeError, UnicodeError, RecursionError):
         return _Heading()
-    return msgspec.structs.replace(found, op=found.op[:40])
+    with suppress(msgspec.ValidationError):
+        return _Heading(found.op[:40], msgspec.convert(found.id, Id), found.service, found.action)
+    return _Heading(found.op[:40], None, found.service, found.action)
 
 
 _heading_of = msgspec.json.Decoder(_Heading).decode

@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 from typing import Any
+from uuid import UUID
 
 from django.db import DatabaseError
 
 from robots.link.stop_delivery import SILENT
 from robots.shared.wire import Control, NotDone
+from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
 from teleop.control.scopes import ACTING
@@ -80,12 +83,16 @@ class ControlServices(Family):
     async def _take(self, control: ControlHolder) -> None:
         """Take control. Wait until the bridge knows it, and send it a zero: then the first velocity drives."""
         self._news.clear()
-        session = await control.take_control()
+        taking = asyncio.ensure_future(control.take_control())
         try:
+            await asyncio.shield(taking)
             await asyncio.wait_for(self._until_yours(), ANSWER_S)
         except TimeoutError as error:
-            control.undo_take(session, SILENT)
+            control.undo_take(taking.result(), SILENT)
             raise NotDone(SILENT) from error
+        except asyncio.CancelledError:  # the database may be taking it
+            run_in_background(_undo(control, taking))
+            raise
         for family in self.client.families:
             if isinstance(family, Publishing):
                 await family.stand()
@@ -104,6 +111,12 @@ class ControlServices(Family):
             "seconds": control.remaining_s or 0.0,
             "ahead": -1 if control.ahead is None else control.ahead,
         }
+
+
+async def _undo(control: ControlHolder, taking: asyncio.Future[UUID]) -> None:
+    """Give back what is taken for a client that is gone."""
+    with suppress(NotDone, DatabaseError):
+        control.undo_take(await taking)
 
 
 async def _stopped(_arguments: dict[str, Any]) -> dict[str, Any]:

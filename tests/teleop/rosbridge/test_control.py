@@ -1,6 +1,7 @@
 """The rosbridge door: sign-in, control by calls of services, velocities, stop."""
 
 import asyncio
+import threading
 from functools import partial
 
 import pytest
@@ -14,6 +15,7 @@ from fleet.audit.models import Record
 from fleet.server import WRITABLE
 from robots.shared import wire
 from teleop.background.database import in_database
+from teleop.control import services
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.robot_hub import RobotHub
 from teleop.models import ControlSession
@@ -196,6 +198,26 @@ async def test_control_ends_with_the_connection(driver, open_client, bridge):
     await (await open_client("second_operator")).take()
 
 
+async def test_a_take_that_comes_after_the_connection_gives_no_control(open_client, bridge, monkeypatch):
+    taken, closed, take = threading.Event(), threading.Event(), services.lease_take
+
+    def late(**given):
+        taken.set()
+        assert closed.wait(10.0)
+        return take(**given)
+
+    client = await open_client("operator")
+    with monkeypatch.context() as slow:
+        slow.setattr(services, "lease_take", late)
+        await client.send("call_service", service="/fleet/take_control")
+        await asyncio.to_thread(taken.wait, 10.0)
+        await client.close()
+        closed.set()
+    await eventually(ControlSession.objects.filter(ended_at__isnull=False, end_reason="released").first)
+    await (await open_client("second_operator")).take()
+    assert {grant.fence for grant in bridge.all(wire.Grant)} == {2}
+
+
 async def test_control_ends_even_if_something_else_does_not(robot, make_token, bridge, monkeypatch):
     def fails(_self):
         raise OSError
@@ -235,6 +257,14 @@ async def test_anybody_who_sees_the_robot_stops_it(open_client, bridge):
     client = await open_client("observer", scopes=(Scope.TOPICS,))
     assert (await client.call("/fleet/stop"))["result"]
     assert (await bridge.hears(wire.LinkStop)).by
+
+
+@pytest.mark.parametrize("field", ["args", "timeout", "compression", "fragment_size", "id"])
+async def test_a_stop_that_is_not_valid_is_refused_but_stops(open_client, bridge, field):
+    client = await open_client("observer", scopes=(Scope.TOPICS,))
+    await client.send("call_service", **({"service": "fleet/stop", "id": 5} | {field: [["x"] * 300]}))
+    await bridge.hears(wire.LinkStop)
+    await client.told("invalid")
 
 
 async def test_a_stop_does_not_wait_for_the_link_of_a_new_connection(open_client, bridge, monkeypatch):
