@@ -98,18 +98,18 @@ class Subscribing(Family):
             self._reader = TapReader(
                 feed_of(client.hub.link), self._deliver, self._follow, self._is_behind, client.user.pk
             )
-        form_before = topic.form if name in self._topics else None
-        topic.settle()
         is_new = name not in self._topics
+        form_before = None if is_new else topic.form
+        topic.settle()
         self._topics[name] = topic
+        if form_before not in (None, topic.form):  # first: with the new one, it could be one too many
+            self._reader.end(name, form_before)
         if name.startswith(CONSOLE):
             refusal = TOO_MANY_READINGS if len(self._topics) > MOST_READINGS else None
         else:
             refusal = self._reader.read(name, topic.form, topic.every_s, max(1, topic.queue))
         if refusal is not None and is_new:
             del self._topics[name]
-        elif form_before not in (None, topic.form):
-            self._reader.end(name, form_before)
         return refusal
 
     async def _unsubscribe(self, operation: Unsubscribe) -> None:

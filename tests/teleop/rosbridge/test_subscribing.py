@@ -71,6 +71,14 @@ async def test_a_form_for_each_compression(subscribe, tap):
         assert "bytes" in frame["msg"]
 
 
+async def test_another_form_takes_the_place_of_the_one_before(subscribe, tap, monkeypatch):
+    monkeypatch.setattr("teleop.tap.feed.MOST_READINGS", 1)
+    await subscribe(client := await subscribe(), id="cbor", compression="cbor")
+    tap.describe(TOPIC)
+    assert (await _binary(client, tap))["msg"] == {"data": 1}
+    assert not [one for one in client.inbox if one.get("op") == "status"]
+
+
 async def _binary(client, tap):
     """Let messages arrive until the client gets one; return it."""
     while client._socket.output_queue.empty():
