@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from robots.shared.wire import MessageDecoder
+from robots.shared.sentences import reason_of, say
+from robots.shared.wire import DEEPEST, MessageDecoder, Refusal, WireError, require_shallow
 
 LARGEST_BYTES = 64 * 1024  # of one operation, in one frame or in fragments
 
@@ -186,7 +187,20 @@ Operation = (
     | SetLevel
     | Auth
 )
-operation_of = MessageDecoder[Operation](Operation, LARGEST_BYTES)
+_operation_of = MessageDecoder[Operation](Operation, LARGEST_BYTES)
+
+
+def operation_of(raw: str) -> Operation:
+    """Return the operation. Raises WireError: also if its values are nested too deeply to be passed on."""
+    operation = _operation_of(raw)
+    if raw.count("[") + raw.count("{") > DEEPEST:
+        try:
+            for field in ("msg", "args", "values"):
+                require_shallow(getattr(operation, field, None))
+        except ValueError as error:
+            text = say("The message does not fit: {error}", error=reason_of(error))
+            raise WireError(Refusal("invalid", text, "wire")) from error
+    return operation
 
 
 class _Vector(Struct, frozen=True, forbid_unknown_fields=True):

@@ -191,7 +191,7 @@ class Publishing(Family):
             await self._drive(operation)
         else:
             type_ = self._type_of(topic)
-            make = partial(_message, topic, type_, operation)
+            make = partial(_message, topic, type_, operation.msg)
             run_in_background(self._request(operation, make))
 
     async def _drive(self, operation: Publish) -> None:
@@ -221,14 +221,8 @@ class Publishing(Family):
             await self.client.refuse("publish", refused.refusal, operation.id)
 
 
-def _message(topic: str, type_: str, operation: Publish, fence: int, number: int) -> wire.Publish:
-    """Build the task. Raises `NotDone` if its fields are nested too deeply."""
-    try:
-        return wire.Publish(fence, topic, type_, operation.msg, seq=number)
-    except ValueError as error:
-        raise NotDone(
-            Refusal("invalid", say("The message does not fit: {error}", error=str(error)), "wire")
-        ) from error
+def _message(topic: str, type_: str, fields: dict[str, Any], fence: int, number: int) -> wire.Publish:
+    return wire.Publish(fence, topic, type_, fields, seq=number)
 
 
 def _other_type(topic: str, type_: str) -> Refusal:

@@ -8,8 +8,6 @@ from typing import Any
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import CLIENTS
-from robots.shared.sentences import say
-from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import required_role
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.rosbridge.family import Client, Family, Service
@@ -36,11 +34,7 @@ class RobotServices(Family):
 
     async def _call(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         self.client.require(Scope.TOPICS)
-        try:
-            call = wire.CallService(name, arguments, whole=True)
-        except ValueError as error:
-            text = say("The message does not fit: {error}", error=str(error))
-            raise NotDone(Refusal("invalid", text, "wire")) from error
+        call = wire.CallService(name, arguments, whole=True)
         return answered(await self._execute(call), wire.Called).fields
 
     async def _query(self, query: wire.TopicQuery | wire.DoorQuery) -> str:

@@ -103,7 +103,8 @@ class WireError(NotDone):
     """An invalid message."""
 
 
-def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
+def require_shallow(value: Any, levels: int = DEEPEST) -> None:
+    """Raise ValueError if a value of any shape has more levels."""
     if levels < 0:
         raise ValueError(say("values are nested deeper than {most} levels", most=DEEPEST))
     if isinstance(value, dict):
@@ -111,7 +112,7 @@ def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
     elif not isinstance(value, list):
         return
     for part in value:
-        _require_shallow(part, levels - 1)
+        require_shallow(part, levels - 1)
 
 
 class Ack(Struct, frozen=True, tag_field="t", tag="ack"):

@@ -24,7 +24,7 @@ from robots.shared.wire.base import (
     TypeName,
     Use,
     Worded,
-    _require_shallow,
+    require_shallow,
 )
 from robots.shared.wire.limbs import Limb, LimbCancel, LimbState, MoveLimb
 from robots.shared.wire.navigation import Go, GoCancel, GoEnd, GoProgress, SetPose
@@ -149,7 +149,7 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     seq: Seq = 0
 
     def __post_init__(self) -> None:
-        _require_shallow(self.fields)
+        require_shallow(self.fields)
         if 0.0 < self.rate_hz < SLOWEST_HZ:
             raise ValueError(say("rate_hz is 0 for once, else at least {least}", least=SLOWEST_HZ))
 

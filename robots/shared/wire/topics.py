@@ -15,7 +15,7 @@ from robots.shared.wire.base import (
     Seq,
     TopicName,
     TypeName,
-    _require_shallow,
+    require_shallow,
 )
 
 
@@ -62,7 +62,7 @@ class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
     seq: Seq = 0
 
     def __post_init__(self) -> None:
-        _require_shallow(self.value)
+        require_shallow(self.value)
 
 
 class CallService(Struct, frozen=True, tag_field="t", tag="call"):
@@ -74,7 +74,7 @@ class CallService(Struct, frozen=True, tag_field="t", tag="call"):
     whole: bool = False
 
     def __post_init__(self) -> None:
-        _require_shallow(self.fields)
+        require_shallow(self.fields)
 
 
 TopicQuery = (

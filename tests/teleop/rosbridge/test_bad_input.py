@@ -39,6 +39,8 @@ RUBBISH = [
     ('{"op":"advertise","topic":"/a","type":"no type"}', "invalid"),
     ('{"op":"advertise","topic":"/class/def","type":"no_such/Type"}', "not_allowed"),
     ('{"op":"png","data":"aGVsbG8="}', "invalid"),
+    ('{"op":"call_service","service":"/a","args":{"a":%s}}' % ("[" * 900 + "]" * 900), "invalid"),
+    ('{"op":"service_response","service":"/a","values":{"a":%s}}' % ("[" * 900 + "]" * 900), "invalid"),
     ('{"op":"auth","mac":"fleet_x"}', "signed_in"),
     ('{"op":"set_level","level":"loud"}', "invalid"),
     ('{"op":"subscribe","topic":"/a","throttle_rate":%s}' % ("9" * 400), "invalid"),
