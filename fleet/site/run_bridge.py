@@ -12,7 +12,7 @@ import os
 import sys
 from pathlib import Path
 
-from robots.bridge.ros.lean import leave_out, lighten
+from robots.bridge.robot.lean import leave_out, lighten
 
 log = logging.getLogger(__name__)
 
@@ -24,12 +24,14 @@ def main() -> int:
     import msgspec
 
     from fleet.base import logs
+    from robots.bridge.robot import sides
     from robots.shared.configuration.bridge_config import BridgeConfig
 
     # Removed: it has secrets that no child process needs
     config = msgspec.json.decode(os.environ.pop("FLEET_BRIDGE"), type=BridgeConfig)
     if config.link.host is None:
         leave_out("ssl")
+    sides.lighten(config.ros)
 
     from robots.bridge.audit.remote_sink import remote_sink
     from robots.bridge.process import run

@@ -30,7 +30,7 @@ from robots.bridge.recorder.erasing.file_cuts import FileCuts
 from robots.bridge.recorder.files.file_changes import FileChanges
 from robots.bridge.recorder.recorder_client import RecorderClient
 from robots.bridge.robot.memory import end_without_memory, lift_limit, limit_memory
-from robots.bridge.ros.node import RosBase
+from robots.bridge.robot.sides import side
 from robots.bridge.served.client import CAMERA, SHELF, TAP, ProcessClient
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
@@ -71,7 +71,7 @@ class Bridge:
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: StateStore) -> None:
         saved, presses = initial_state(_pending_stops(config), store.load(config.last_fence))
         self._socket = config.link.unix_path
-        self._base = RosBase(config)
+        self._base = side(config)
         self._records = Records(sink)
         self._gate = Gate(config.gate)
         self._sonars = config.topics.sonars

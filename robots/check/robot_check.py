@@ -1,13 +1,12 @@
 """Checks whether a robot can be driven from this computer. Each check has a result and a remedy.
 
-`robots.bridge.ros.network.probe` collects facts in a separate process, in the environment of the robot's bridge;
-`judge` makes results from the facts. The web process never imports ROS.
+The probe (`network.probe` of the robot's side) collects facts in a separate process, in the environment of the robot's
+bridge; `judge` makes results from the facts. The web process never imports ROS.
 """
 
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -25,6 +24,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config, socket_path
 from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
 from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
+from robots.shared.configuration.robot_ros import ros1, side_command
 from robots.shared.processes.probe_findings import (
     BRIDGE,
     CallbackFound,
@@ -108,8 +108,8 @@ def _elsewhere(robot: Robot) -> Iterator[Check]:
 
 
 def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
-    done = subprocess.run(
-        [sys.executable, "-m", "robots.bridge.ros.network.probe"],
+    done = subprocess.run(  # noqa: S603  (the console's own module)
+        side_command(config.ros, "network.probe"),
         input=msgspec.json.encode(plan_for(config)),
         stdout=subprocess.PIPE,
         env=environment,
@@ -123,7 +123,7 @@ def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
 def plan_for(config: BridgeConfig) -> Plan:
     """Return the topics that the robot's profile and entry name."""
     topics = config.topics
-    return Plan(config.master_uri, topics.drive, list(_listened(config)), arm=topics.arm)
+    return Plan(config.ros, topics.drive, list(_listened(config)), arm=topics.arm)
 
 
 def _listened(config: BridgeConfig) -> Iterator[Listened]:
@@ -161,15 +161,16 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
 
 def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     """Yield the results, the most basic first. If the ROS master does not answer, yield only that."""
+    master_uri = ros1(config.ros).master_uri
     if findings.master_error is not None:
         yield Check(
             _("master"),
             FAIL,
             words_of(findings, "master_error"),
-            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % config.master_uri,
+            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % master_uri,
         )
         return
-    yield Check(_("master"), OK, _("The ROS master at %s answers.") % config.master_uri)
+    yield Check(_("master"), OK, _("The ROS master at %s answers.") % master_uri)
     yield _names_here(findings.hosts)
     if findings.callback is not None:
         yield _names_there(findings.callback)

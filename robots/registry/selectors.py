@@ -36,6 +36,7 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import admissible
 from robots.shared.configuration.gate_profile import GateProfile, Parameters
 from robots.shared.configuration.input_filters import describe
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.sentences import say
 from robots.shared.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
@@ -169,9 +170,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         robot_id=str(robot.id),
         slug=robot.slug,
         name=robot.name,
-        master_uri=robot.master_uri.rstrip("/"),
-        advertised_address=robot.advertised_address or None,
-        host_aliases=robot.host_aliases,
+        ros=Ros1(robot.master_uri.rstrip("/"), robot.advertised_address or None, robot.host_aliases),
         topics=known.topics,
         gate=known.gate,
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from robots.registry.configuration.addresses import is_address
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.robot_ros import Ros1, ros1
 from robots.shared.sentences import say
 
 LIBRARY = "nss_wrapper"
@@ -36,25 +37,28 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
         name: value for name, value in os.environ.items() if name not in {"ROS_IP", "ROS_HOSTNAME"}
     }
     environment |= ONE_THREAD | ONE_ARENA
-    environment["ROS_MASTER_URI"] = config.master_uri
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"
     environment["PYTHONFAULTHANDLER"] = "1"  # after a crash, the log shows where it happened
-    if config.advertised_address:
-        variable = "ROS_IP" if is_address(config.advertised_address) else "ROS_HOSTNAME"
-        environment[variable] = config.advertised_address
-    if config.host_aliases:
-        environment |= _aliases(config, run_dir, environment.get("LD_PRELOAD", ""))
+    return environment | _ros1_environment(ros1(config.ros), run_dir / f"{config.robot_id}.hosts")
+
+
+def _ros1_environment(ros: Ros1, hosts: Path) -> dict[str, str]:
+    environment = {"ROS_MASTER_URI": ros.master_uri}
+    if ros.advertised_address:
+        variable = "ROS_IP" if is_address(ros.advertised_address) else "ROS_HOSTNAME"
+        environment[variable] = ros.advertised_address
+    if ros.host_aliases:
+        environment |= _aliases(ros, hosts)
     return environment
 
 
-def _aliases(config: BridgeConfig, run_dir: Path, preloaded: str) -> dict[str, str]:
+def _aliases(ros: Ros1, hosts: Path) -> dict[str, str]:
     library = ctypes.util.find_library(LIBRARY)
     if library is None:
         raise WrapperMissing
-    hosts = run_dir / f"{config.robot_id}.hosts"
     fresh = hosts.with_suffix(f".{os.getpid()}")
-    fresh.write_text("".join(f"{address} {name}\n" for name, address in config.host_aliases.items()))
+    fresh.write_text("".join(f"{address} {name}\n" for name, address in ros.host_aliases.items()))
     fresh.replace(hosts)  # a running bridge never reads half a file
-    preload = ":".join(filter(None, [preloaded, library]))
+    preload = ":".join(filter(None, [os.environ.get("LD_PRELOAD"), library]))
     return {"LD_PRELOAD": preload, "NSS_WRAPPER_HOSTS": str(hosts)}

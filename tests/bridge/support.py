@@ -37,6 +37,7 @@ from robots.shared.configuration.bridge_config import (
     Topics,
 )
 from robots.shared.configuration.gate_profile import GateProfile, Limits
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.geometry.planar import NO_POINTS, Points
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.record_sink import (
@@ -57,9 +58,7 @@ CONFIG = BridgeConfig(
     robot_id="0" * 32,
     slug="tiago",
     name="Tiago",
-    master_uri="http://localhost:11311",
-    advertised_address=None,
-    host_aliases={},
+    ros=Ros1("http://localhost:11311"),
     topics=Topics(
         drive=Topic("/key_vel", "geometry_msgs/Twist"),
         odometry=Topic("/odom", "nav_msgs/Odometry"),

@@ -27,6 +27,7 @@ from robots.shared.configuration.bridge_config import (
     Topics,
 )
 from robots.shared.configuration.gate_profile import GateProfile, Limits
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.configuration.watchdog_config import lane_path, watchdog_config
 from tests.forked import ForkedProgram
 from tests.processes import PATIENCE_S, until
@@ -50,9 +51,7 @@ def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
         robot_id=robot_id,
         slug="tiago-1",
         name="Tiago 1",
-        master_uri=master.uri,
-        advertised_address="127.0.0.1",
-        host_aliases={},
+        ros=Ros1(master.uri, "127.0.0.1"),
         topics=Topics(
             drive=Topic("/key_vel", "geometry_msgs/Twist"),
             odometry=Topic("/mobile_base_controller/odom", "nav_msgs/Odometry"),

@@ -35,7 +35,7 @@ class ServedProcess:
         self._sockets = Path(config.link.unix_path).parent
         self._sockets.mkdir()
         self.process = subprocess.Popen(
-            served.command,
+            served.command(config.ros),
             cwd=REPOSITORY,
             env=master.environment(),
             stdin=subprocess.PIPE,

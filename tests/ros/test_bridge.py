@@ -31,6 +31,7 @@ from robots.bridge.process import Bridge
 from robots.bridge.ros.node import RosBase
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
 from tests.processes import PATIENCE_S, until
@@ -339,7 +340,7 @@ class TestMasterGone:
         robot.stop()
 
     def test_a_name_that_cannot_be_resolved_is_said_in_words(self, master, bridges):
-        hand = bridges(master, master_uri="http://tiago-nowhere.invalid:11311/").link()
+        hand = bridges(master, ros=Ros1("http://tiago-nowhere.invalid:11311/")).link()
         state = hand.state_until(lambda state: "alias" in state.text, "the advice")
         assert "tiago-nowhere.invalid" in state.text
 

@@ -28,9 +28,12 @@ def test_a_package_of_the_distribution_shadows_none(tmp_path, shadow):
     assert not of_distribution.startswith(sys.prefix)
 
 
-LEAN = "from robots.bridge.ros.lean import leave_out, lighten; lighten(); "
-WITHOUT_NUMPY = "leave_out('numpy', 'ssl'); import robots.bridge.watchdog.process"
-WITHOUT_DATABASE = "leave_out('ssl'); import robots.bridge.audit.remote_sink, robots.bridge.process"
+LEAN = (
+    "from robots.bridge.robot.lean import leave_out, lighten; lighten();"
+    "from robots.bridge.ros import lean; lean.{lighten}(); leave_out('ssl');"
+)
+WATCHDOG = "import robots.bridge.watchdog.process, robots.bridge.ros.watchdog"
+BRIDGE = "import robots.bridge.audit.remote_sink, robots.bridge.process, robots.bridge.ros.node"
 NEITHER = [
     "django",
     "ssl",
@@ -44,16 +47,16 @@ NEITHER = [
 
 
 @pytest.mark.parametrize(
-    ("program", "not_wanted"),
+    ("lighten", "program", "not_wanted"),
     [
-        (WITHOUT_NUMPY, [*NEITHER, "numpy", "asyncio", "robots.bridge.gate"]),
-        (WITHOUT_DATABASE, [*NEITHER, "cbor2"]),
+        ("lighten_watchdog", WATCHDOG, [*NEITHER, "numpy", "asyncio", "robots.bridge.gate"]),
+        ("lighten", BRIDGE, [*NEITHER, "cbor2"]),
     ],
     ids=["watchdog", "bridge"],
 )
-def test_a_process_of_each_robot_imports_little(program, not_wanted):
+def test_a_process_of_each_robot_imports_little(lighten, program, not_wanted):
     show = f"; import sys; print(*[name for name in {not_wanted} if sys.modules.get(name)])"
-    assert printed(program + show) == []
+    assert printed(program + show, lighten) == []
 
 
 def test_left_out_messages_come_when_they_are_asked_for():
@@ -61,6 +64,11 @@ def test_left_out_messages_come_when_they_are_asked_for():
     assert printed(ask) == ["here", "False"]
 
 
-def printed(program: str) -> list[str]:
-    run = subprocess.run([sys.executable, "-c", LEAN + program], capture_output=True, text=True, check=True)
+def printed(program: str, lighten: str = "lighten") -> list[str]:
+    run = subprocess.run(
+        [sys.executable, "-c", LEAN.format(lighten=lighten) + program],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return run.stdout.split()

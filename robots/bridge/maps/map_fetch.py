@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from asyncio.subprocess import PIPE
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -17,6 +16,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.configuration.robot_ros import Ros, side_command
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire.base import Worded
@@ -24,7 +24,7 @@ from robots.shared.wire.base import Worded
 log = logging.getLogger(__name__)
 
 # The process has a lower priority than the control loop from its first line on, like the inspector.
-COMMAND = ("nice", "-n", "10", sys.executable, "-m", "robots.bridge.ros.sensors.map")
+NICE = ("nice", "-n", "10")
 END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
 AGAIN_S = 60.0  # the same after a failure
@@ -38,7 +38,7 @@ LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 class MapWanted(Struct, frozen=True):
     """The request to the process."""
 
-    master_uri: str
+    ros: Ros
     topic: Topic
 
 
@@ -66,13 +66,13 @@ class MapFetcher:
         self,
         config: BridgeConfig,
         keep: Callable[[TakenMap], None],
-        command: Sequence[str] = COMMAND,
+        command: Sequence[str] = (),
         gone: Callable[[Sentence], None] = lambda _why: None,
     ) -> None:
         topic = config.topics.map
-        self._wanted = MapWanted(config.master_uri, topic) if topic else None
+        self._wanted = MapWanted(config.ros, topic) if topic else None
         self._keep = keep
-        self._command = command
+        self._command = command or (*NICE, *side_command(config.ros, "sensors.map"))
         self._gone = gone
         self._failed = True  # whether the last fetch found no map
         self._watched = False

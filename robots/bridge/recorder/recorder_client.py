@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import sys
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -49,13 +48,13 @@ from robots.bridge.recorder.recorder_messages import (
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.robot_ros import side_command
 from robots.shared.records.record_sink import TakenRecording
 from robots.shared.sentences import say
 from robots.shared.wire import BlackBoxState, RecordingState, Refusal
 
 log = logging.getLogger(__name__)
 
-COMMAND_LINE = (sys.executable, "-m", "robots.bridge.ros.recorder")
 SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is killed, and another one starts
 START_S = 20.0  # the same for a new process
 ANSWER_S = 10.0  # a recording begins within this time, or is refused
@@ -89,10 +88,12 @@ class Judge(Protocol):
 class RecorderClient:
     """The recorder of one robot, on the event loop."""
 
-    def __init__(self, config: BridgeConfig, records: Records, command: Sequence[str] = COMMAND_LINE) -> None:
+    def __init__(self, config: BridgeConfig, records: Records, command: Sequence[str] = ()) -> None:
         self._place = config.recordings
         self._records = records
-        self._child = LineProcess(command, msgspec.json.encode(config), self)
+        self._child = LineProcess(
+            command or side_command(config.ros, "recorder"), msgspec.json.encode(config), self
+        )
         self._events = Events(self._happened)
         self._control: wire.Grant | None = None
         self._order: tuple[wire.LinkRecord, float] | None = None  # and when it ends (s, monotonic)

@@ -15,6 +15,7 @@ from robots.bridge.robot.memory import end_without_memory
 from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.bounds.install import install
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.ros.master import DeathWatch
 
 log = logging.getLogger(__name__)
@@ -27,10 +28,11 @@ def join(config: BridgeConfig, name: str, at_end: Callable[[], object] = lambda:
 
     `at_end` is called before the process ends with the master.
     """
-    os.environ["ROS_MASTER_URI"] = config.master_uri
+    master_uri = ros1(config.ros).master_uri
+    os.environ["ROS_MASTER_URI"] = master_uri
     os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
     os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
-    watch = DeathWatch(config.master_uri)
+    watch = DeathWatch(master_uri)
     install(lambda: end_without_memory(lambda: os._exit(1)))
     rospy.init_node(
         name.strip("/"),

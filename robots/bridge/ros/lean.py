@@ -2,8 +2,7 @@
 
 All of it is optional to who imports it: of roslib rospy asks only whether a shell uses it, which it is told; pydoc
 describes methods of XML-RPC on a page that nobody opens, minidom reads manifests of packages, the names of HTML's
-entities are read nowhere; without numpy genpy knows no numpy numbers, without ssl there is no TLS, without OpenSSL
-hashlib computes by itself, without bz2 and lzma shutil packs less, without typing_extensions msgspec asks typing.
+entities are read nowhere; without numpy genpy knows no numpy numbers. `robots.bridge.robot.lean` leaves out more.
 Packages of messages import all their classes; here they import each one when it is asked for.
 """
 
@@ -17,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 import robots.shared.ros  # noqa: F401  (makes ROS importable)
+from robots.bridge.robot.lean import leave_out
 
 EMPTY = ("html.entities", "pydoc", "roslib", "xml.dom", "xml.dom.minidom")
 MESSAGES = (
@@ -33,14 +33,14 @@ MESSAGES = (
 )
 
 
-def leave_out(*modules: str) -> None:
-    """Let imports of these modules raise ImportError. Call this before anything imports them."""
-    sys.modules.update(dict.fromkeys(modules))  # type: ignore[arg-type]
+def lighten_watchdog() -> None:
+    """Leave out what a watchdog does not need. Call this before anything imports rospy."""
+    lighten()
+    leave_out("numpy")
 
 
 def lighten() -> None:
-    """Leave out what neither process needs. Call this first."""
-    leave_out("_hashlib", "bz2", "lzma", "typing_extensions")
+    """Leave out what neither process needs. Call this before anything imports rospy."""
     sys.modules |= {name: ModuleType(name) for name in EMPTY}
     sys.modules["pydoc"].HTMLDoc = object  # type: ignore[attr-defined]  # the base of a class
     sys.modules["html.entities"].html5 = {}  # type: ignore[attr-defined]

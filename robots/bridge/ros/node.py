@@ -54,6 +54,7 @@ from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import InputSwitch
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.graph import SystemState, is_own
 from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
@@ -92,7 +93,7 @@ class RosBase(InputSwitch):
 
     def __init__(self, config: BridgeConfig) -> None:
         self.config = config
-        self._master = Master(config.master_uri, BRIDGE)
+        self._master = Master(ros1(config.ros).master_uri, BRIDGE)
         self.parameters: RobotParameters = MasterParameters(self._master)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
@@ -226,7 +227,7 @@ class RosBase(InputSwitch):
         the loop.
         """
         self._loop, self._core, self._run_on_loop, self._on_lost = loop, core, run_on_loop, on_lost
-        os.environ["ROS_MASTER_URI"] = self.config.master_uri
+        os.environ["ROS_MASTER_URI"] = self._master.uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self.config.state_dir) / "ros-log"))
         self._monitor.start()
@@ -274,7 +275,7 @@ class RosBase(InputSwitch):
             self._subscribe(topics.diagnostics, self._on_diagnostics, DIAGNOSTICS_WAIT)
             pause(topics.diagnostics.name, lambda: DIAGNOSED_S)
         self._acknowledgements = Acknowledgements(
-            socket.gethostbyname(urlsplit(self.config.master_uri).hostname or "")
+            socket.gethostbyname(urlsplit(self._master.uri).hostname or "")
         )
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancelled
@@ -384,7 +385,7 @@ class RosBase(InputSwitch):
         """
         if self._described:
             return
-        master = Master(self.config.master_uri, BRIDGE, DESCRIPTION_S)
+        master = Master(self._master.uri, BRIDGE, DESCRIPTION_S)
         try:
             description = master.parameter("/robot_description")
             if self.posture:

@@ -18,6 +18,7 @@ from rospy.impl.registration import get_service_manager, get_topic_manager
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.ros.master import DeathWatch, Master, MasterError, node_alive
 from robots.shared.ros.registration import register_again
@@ -41,7 +42,7 @@ class WatchdogNode:
 
     def __init__(self, config: WatchdogConfig) -> None:
         self._config = config
-        self._master = Master(config.master_uri, config.node)
+        self._master = Master(ros1(config.ros).master_uri, config.node)
         self._stamped = config.drive.type == "geometry_msgs/TwistStamped"
         self._wanted = {config.drive.name}
         self._drives: dict[str, rospy.Publisher] = {}
@@ -52,7 +53,7 @@ class WatchdogNode:
 
     def start(self) -> None:
         """Search for the master on a separate thread."""
-        os.environ["ROS_MASTER_URI"] = self._config.master_uri
+        os.environ["ROS_MASTER_URI"] = self._master.uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
         threading.Thread(target=self._keep_registered, name="master", daemon=True).start()

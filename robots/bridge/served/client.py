@@ -16,6 +16,7 @@ from robots.bridge.robot_clock import RobotClock
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.robot_ros import Ros, side_command
 from robots.shared.wire import ProcessAt, ProcessName, Refusal
 
 SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is killed, and another one starts
@@ -31,12 +32,13 @@ class Served(NamedTuple):
     name: ProcessName
     ended: Refusal
     hung: Refusal
-    package: str = "robots.bridge.ros"
+    has_sides: bool = True  # it reads topics
 
-    @property
-    def command(self) -> Sequence[str]:
-        """The command that starts it."""
-        return sys.executable, "-m", f"{self.package}.{self.name}"
+    def command(self, ros: Ros) -> Sequence[str]:
+        """Return the command that starts it for a robot."""
+        if self.has_sides:
+            return side_command(ros, self.name)
+        return sys.executable, "-m", f"robots.bridge.recorder.{self.name}"
 
 
 CAMERA = Served(
@@ -55,7 +57,7 @@ SHELF = Served(
         "shelf_ended", "The process that reads recordings ended by itself. It is started again.", "robot"
     ),
     Refusal("shelf_hung", "The process that reads recordings hung. It is started again.", "robot"),
-    "robots.bridge.recorder",
+    has_sides=False,
 )
 
 
@@ -70,7 +72,7 @@ class ProcessClient:
         linger_s: float = LINGER_S,
     ) -> None:
         self._served = served
-        self._child = LineProcess(command or served.command, msgspec.json.encode(config), self)
+        self._child = LineProcess(command or served.command(config.ros), msgspec.json.encode(config), self)
         self.clock = RobotClock()
         self._linger_s = linger_s
         self._watchers: set[Link] = set()  # links of web processes that need the process

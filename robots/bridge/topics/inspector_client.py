@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,12 +33,12 @@ from robots.bridge.topics.inspector_messages import (
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.robot_ros import side_command
 from robots.shared.sentences import say
 from robots.shared.wire import MOST_SUBSCRIPTIONS, Refusal
 
 log = logging.getLogger(__name__)
 
-COMMAND = (sys.executable, "-m", "robots.bridge.ros.inspector")
 LINGER_S = 60.0  # an unused inspector ends after this time
 ANSWER_S = 2.0  # a query is answered within this time, or refused
 START_S = 10.0  # the same while the process starts
@@ -76,10 +75,12 @@ class InspectorClient:
         self,
         config: BridgeConfig,
         lost: Callable[[], None],
-        command: Sequence[str] = COMMAND,
+        command: Sequence[str] = (),
         linger_s: float = LINGER_S,
     ) -> None:
-        self._child = LineProcess(command, msgspec.json.encode(config), self)
+        self._child = LineProcess(
+            command or side_command(config.ros, "inspector"), msgspec.json.encode(config), self
+        )
         self._lost = lost
         self._linger_s = linger_s
         self._subscriptions: dict[Link, Mapping[str, float]] = {}

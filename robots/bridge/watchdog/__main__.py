@@ -2,15 +2,20 @@
 
 import sys
 
-from robots.bridge.ros.lean import leave_out, lighten
+from robots.bridge.robot.lean import leave_out, lighten
 
 if __name__ == "__main__":
     lighten()
-    leave_out("numpy", "ssl")
+    leave_out("ssl")
 
     import msgspec
 
-    from robots.bridge.watchdog.process import run
+    from robots.bridge.robot import sides
     from robots.shared.configuration.watchdog_config import WatchdogConfig
 
-    sys.exit(run(msgspec.json.decode(sys.argv[1], type=WatchdogConfig)))
+    config = msgspec.json.decode(sys.argv[1], type=WatchdogConfig)
+    sides.lighten_watchdog(config.ros)
+
+    from robots.bridge.watchdog.process import run
+
+    sys.exit(run(config))

@@ -8,11 +8,12 @@ import signal
 import socket
 import sys
 import time
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from robots.bridge.robot.memory import limit_memory
-from robots.bridge.ros.watchdog import WatchdogNode
+from robots.bridge.robot.sides import stop_side
 from robots.bridge.watchdog.rules import CANCEL_AGAIN_S, Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
@@ -22,6 +23,9 @@ from robots.shared.processes.scheduling import ask_for_priority
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.sentences import catalogued
 from robots.shared.wire import LinkStop, Refusal, Refused, Stopped, StopState
+
+if TYPE_CHECKING:
+    from robots.bridge.robot.interface import StopSide
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +48,7 @@ class Watchdog:
         rules: StopRules,
         stop_file: StopFile,
         lane: WatchdogSocket,
-        robot: WatchdogNode,
+        robot: StopSide,
     ) -> None:
         self._config = config
         self._rules = rules
@@ -170,7 +174,7 @@ def run(config: WatchdogConfig) -> int:
     lane = WatchdogSocket(config.lane, sys.stdin.fileno())
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
-    robot = WatchdogNode(config)
+    robot = stop_side(config)
     robot.start()
     ask_for_priority()
     try:

@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.configuration.input_filters import StickStep
+from robots.shared.configuration.robot_ros import Ros
 from robots.shared.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
@@ -243,9 +244,7 @@ class BridgeConfig(Struct, frozen=True):
     robot_id: str  # UUID
     slug: str
     name: str
-    master_uri: str
-    advertised_address: str | None  # the console's address on the robot's network (ROS_IP)
-    host_aliases: dict[str, str]  # robot host name -> address (libnss-wrapper)
+    ros: Ros
     topics: Topics
     gate: GateProfile
     reverse_steering: ReverseSteering

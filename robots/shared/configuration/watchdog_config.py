@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.configuration.robot_ros import Ros
 from robots.shared.processes.probe_findings import watchdog_name
 
 
@@ -18,8 +19,8 @@ class WatchdogConfig(Struct, frozen=True):
 
     robot_id: UUID
     slug: str
-    master_uri: str
-    node: str  # its node name at the robot's master
+    ros: Ros
+    node: str  # its node name
     drive: Topic
     actions: tuple[str, ...]  # names of actions whose goals are cancelled while a stop is latched
     lane: str  # path of its socket
@@ -49,7 +50,7 @@ def watchdog_config(config: BridgeConfig) -> WatchdogConfig:
     return WatchdogConfig(
         robot_id=UUID(config.robot_id),
         slug=config.slug,
-        master_uri=config.master_uri,
+        ros=config.ros,
         node=watchdog_name(config.robot_id),
         drive=topics.drive,
         actions=tuple(sorted(actions)),

@@ -1,4 +1,4 @@
-"""Questions and answers of `robots.bridge.ros.network.probe` about a robot's ROS: only facts."""
+"""Questions and answers of the probe (`network.probe` of the robot's side) about a robot's ROS: only facts."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from uuid import UUID
 from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import ArmSource, Topic
+from robots.shared.configuration.robot_ros import Ros
 from robots.shared.wire.base import Worded
 
 CALLER = "/fleet_check"  # the probe's node name
@@ -32,7 +33,7 @@ class Listened(Struct, frozen=True):
 class Plan(Struct, frozen=True):
     """The questions."""
 
-    master_uri: str
+    ros: Ros
     drive: Topic
     listened: list[Listened]
     listen_s: float = 2.0

@@ -83,7 +83,7 @@ async def test_map_is_fetched_per_session_and_every_few_minutes(taker):
     for now_s in (0.0, 1.0, FRESH_S - 1.0):
         await taker.tick(7, now_s)
     assert taker.kept == [TAKEN]
-    assert taker.asked == [MapWanted(CONFIG.master_uri, MAP)]
+    assert taker.asked == [MapWanted(CONFIG.ros, MAP)]
     await taker.tick(7, FRESH_S)
     assert len(taker.kept) == 2
     await taker.tick(8, FRESH_S + 1.0)

@@ -116,7 +116,7 @@ def test_parts_of_a_description_that_are_left_out_are_named(
 def test_without_a_master_there_is_one_answer(config: BridgeConfig) -> None:
     (only,) = judge(config, Findings(master_error="No ROS master answers."))
     assert (only.level, only.text) == ("fail", "No ROS master answers.")
-    assert config.master_uri in only.advice
+    assert config.ros.master_uri in only.advice
 
 
 def test_a_name_that_does_not_resolve_here_asks_for_an_alias(config: BridgeConfig, well: Findings) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import msgspec
@@ -23,6 +24,10 @@ def config(robot: Robot, tmp_path: Path) -> BridgeConfig:
     return msgspec.structs.replace(bridge_config(robot), state_dir=str(tmp_path))
 
 
+def reached(config: BridgeConfig, **changes: Any) -> BridgeConfig:
+    return msgspec.structs.replace(config, ros=msgspec.structs.replace(config.ros, **changes))
+
+
 def resolved(environment: dict[str, str], name: str) -> str:
     arguments = [sys.executable, "-c", RESOLVE, name]
     return subprocess.run(
@@ -31,7 +36,7 @@ def resolved(environment: dict[str, str], name: str) -> str:
 
 
 def test_an_alias_resolves_only_for_the_robots_processes(config: BridgeConfig, tmp_path: Path) -> None:
-    aliased = msgspec.structs.replace(config, host_aliases={"tiago-42c": "10.68.0.1"})
+    aliased = reached(config, host_aliases={"tiago-42c": "10.68.0.1"})
     environment = ros_environment(aliased, tmp_path)
     assert resolved(environment, "tiago-42c") == "10.68.0.1"
     assert resolved(environment, "localhost") == "127.0.0.1"
@@ -49,13 +54,13 @@ def test_the_advertised_address_goes_where_ros_looks_for_it(
 ) -> None:
     for inherited in ("ROS_IP", "ROS_HOSTNAME"):
         monkeypatch.setenv(inherited, "192.0.2.9")
-    environment = ros_environment(msgspec.structs.replace(config, advertised_address=address), tmp_path)
+    environment = ros_environment(reached(config, advertised_address=address), tmp_path)
     addresses = {name: environment[name] for name in ("ROS_IP", "ROS_HOSTNAME") if name in environment}
     assert addresses == {variable: address}
 
 
 def test_a_missing_libnss_wrapper_is_named_with_its_package(config: BridgeConfig, tmp_path: Path) -> None:
-    aliased = msgspec.structs.replace(config, host_aliases={"tiago-42c": "10.68.0.1"})
+    aliased = reached(config, host_aliases={"tiago-42c": "10.68.0.1"})
     missing = mock.patch("ctypes.util.find_library", autospec=True, return_value=None)
     with missing, pytest.raises(WrapperMissing, match="apt install libnss-wrapper"):
         ros_environment(aliased, tmp_path)

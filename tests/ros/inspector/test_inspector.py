@@ -25,7 +25,6 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from robots.bridge.ros.inspector import graph
 from robots.bridge.ros.inspector.requests import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.subscriptions import rate_hz
-from robots.bridge.topics.inspector_client import COMMAND
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
@@ -37,6 +36,7 @@ from robots.bridge.topics.inspector_messages import (
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.configuration.robot_ros import side_command
 from robots.shared.ros.message_types.classes import message_class
 from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros.bridge_support import tiago_config
@@ -85,7 +85,11 @@ class InspectorProcess:
 
     def __init__(self, config: Any, master: Master, silent: bool = False) -> None:
         self.process = subprocess.Popen(
-            COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            side_command(config.ros, "inspector"),
+            cwd=REPOSITORY,
+            env=master.environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
         )
         self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._shown: dict[str, queue.SimpleQueue[wire.Sample]] = {}

@@ -16,6 +16,7 @@ from robots.bridge.watchdog.rules import Heartbeat, StopPress, StopRules
 from robots.bridge.watchdog.socket import WatchdogSocket
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 
 
@@ -46,7 +47,9 @@ class Kept:
 def config(tmp_path: Path) -> WatchdogConfig:
     drive = Topic("/key_vel", "geometry_msgs/Twist")
     path = str(tmp_path / "robot.stop")
-    return WatchdogConfig(uuid4(), "tiago-1", "http://127.0.0.1:1/", "/w", drive, (), path, str(tmp_path))
+    return WatchdogConfig(
+        uuid4(), "tiago-1", Ros1("http://127.0.0.1:1/"), "/w", drive, (), path, str(tmp_path)
+    )
 
 
 @pytest.fixture

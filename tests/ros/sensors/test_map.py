@@ -27,6 +27,7 @@ from robots.records.bridge_records import AuditSink
 from robots.registry.models import RobotMap
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.ros.master import Master as RosMaster
@@ -53,7 +54,7 @@ def opacity(shown: TakenMap | RobotMap, x: float, y: float) -> int:
 
 @pytest.mark.django_db(transaction=True)
 def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
-    taken = read_map(MapWanted(rosmaster.uri, MAP))
+    taken = read_map(MapWanted(Ros1(rosmaster.uri), MAP))
     assert isinstance(taken, TakenMap)
     sink = AuditSink(robot.pk, robot.name)
     sink.keep_map(taken)
@@ -125,14 +126,14 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
     ],
 )
 def test_a_missing_map_is_explained(rosmaster, topic, why):
-    found = read_map(MapWanted(rosmaster.uri, topic))
+    found = read_map(MapWanted(Ros1(rosmaster.uri), topic))
     assert isinstance(found, NoMap)
     assert why in found.why
 
 
 def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
     monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
-    wanted = MapWanted(rosmaster.uri, Topic("/hostile_map", MAP.type))
+    wanted = MapWanted(Ros1(rosmaster.uri), Topic("/hostile_map", MAP.type))
     hostile = rospy.Publisher("/hostile_map", OccupancyGrid, queue_size=1, latch=True)
     try:
         silent = read_map(wanted)
@@ -164,7 +165,7 @@ def registered(rosmaster, uri: str):
 
 def test_a_publisher_that_has_ended_hides_no_map(rosmaster):
     with registered(rosmaster, "http://127.0.0.1:9/"):
-        assert isinstance(read_map(MapWanted(rosmaster.uri, MAP)), TakenMap)
+        assert isinstance(read_map(MapWanted(Ros1(rosmaster.uri), MAP)), TakenMap)
 
 
 def test_a_publisher_that_hangs_makes_the_map_unknown(rosmaster):
@@ -172,7 +173,7 @@ def test_a_publisher_that_hangs_makes_the_map_unknown(rosmaster):
         socket.create_server(("127.0.0.1", 0)) as hangs,
         registered(rosmaster, f"http://127.0.0.1:{hangs.getsockname()[1]}/"),
     ):
-        found = read_map(MapWanted(rosmaster.uri, MAP))
+        found = read_map(MapWanted(Ros1(rosmaster.uri), MAP))
     assert isinstance(found, NoMap)
     assert "/second: it does not answer at http://127.0.0.1" in found.why
     assert "rosnode cleanup" in found.why
@@ -183,12 +184,12 @@ def test_a_latched_topic_without_a_map_hides_none(ros, rosmaster, monkeypatch, l
     monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
     silent = rospy.Publisher(MAP.name, OccupancyGrid, queue_size=1, latch=latched)
     try:
-        assert isinstance(read_map(MapWanted(rosmaster.uri, MAP)), TakenMap if latched else NoMap)
+        assert isinstance(read_map(MapWanted(Ros1(rosmaster.uri), MAP)), TakenMap if latched else NoMap)
     finally:
         silent.unregister()
 
 
 def test_without_a_master_it_says_so(tmp_path):
-    found = read_map(MapWanted(Master(tmp_path).uri, MAP))
+    found = read_map(MapWanted(Ros1(Master(tmp_path).uri), MAP))
     assert isinstance(found, NoMap)
     assert "No ROS master answers" in found.why

@@ -43,6 +43,7 @@ from robots.shared.configuration.denylist import (
     why_denied,
     why_fields_denied,
 )
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
@@ -67,7 +68,7 @@ class Inspector:
     def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
         self._config = config
         self._allowed = admissible(config.allowed, config.topics)
-        self._master = Master(config.master_uri, INSPECTOR)
+        self._master = Master(ros1(config.ros).master_uri, INSPECTOR)
         self._definitions = Definitions(Path(config.state_dir) / "definitions")
         self._say = say
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
@@ -131,7 +132,7 @@ class Inspector:
         try:
             self._made_node().subscriptions.set_subscriptions(topics)
         except (OSError, MasterError):
-            text = say("No ROS master answers at {master}.", master=self._config.master_uri)
+            text = say("No ROS master answers at {master}.", master=self._master.uri)
             refusal = wire.Refusal("robot_offline", text, "robot")
             for topic in topics:
                 sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)

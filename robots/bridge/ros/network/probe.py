@@ -27,6 +27,7 @@ from robots.bridge.arm.tree import Tree
 from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.graph import SystemState
 from robots.shared.processes.probe_findings import (
     CALLER,
@@ -54,7 +55,8 @@ RANGE_AT = 1 + 3 * 4  # bytes after the header: type of radiation, field of view
 
 def probe(plan: Plan) -> Findings:
     """Check the robot as planned; takes a few seconds at most."""
-    master = Master(plan.master_uri, CALLER)
+    master_uri = ros1(plan.ros).master_uri
+    master = Master(master_uri, CALLER)
     try:
         state = master.system_state()
         uris = _node_uris(master, state)
@@ -69,7 +71,7 @@ def probe(plan: Plan) -> Findings:
             callback=callback.result(),
             topics=topics,
             drive=_drive(plan, state),
-            description=_description(plan.arm, plan.master_uri),
+            description=_description(plan.arm, master_uri),
             clock_is_simulated=master.parameter("/use_sim_time") is True,
         )
 

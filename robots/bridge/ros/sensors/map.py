@@ -20,6 +20,7 @@ from msgspec import Struct
 
 from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
 from robots.bridge.ros.network.tcpros import Conversation, connect_to_publisher
+from robots.shared.configuration.robot_ros import ros1
 from robots.shared.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.records.record_sink import TakenMap
@@ -41,7 +42,7 @@ class _Without(Struct, frozen=True):
 
 def read_map(wanted: MapWanted) -> TakenMap | NoMap:
     """Return the map on which all publishers agree. If they differ, navigation may have any of them."""
-    master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
+    master, name = Master(ros1(wanted.ros).master_uri, CALLER), wanted.topic.name
     try:
         nodes = master.system_state().publishers.get(name, [])
         addresses = {node: master.node_uri(node) for node in nodes}
