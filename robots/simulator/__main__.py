@@ -1,4 +1,4 @@
-"""``python -m robots.simulator``: one simulated robot. The master is taken from ROS_MASTER_URI."""
+"""``python -m robots.simulator``: one simulated robot. The master, or the domain, is taken from the environment."""
 
 from __future__ import annotations
 
@@ -50,6 +50,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--lost", action="store_true", help="it does not know where it is before its pose is set"
     )
+    parser.add_argument("--ros", type=int, choices=(1, 2), default=1, help="version of the robot's ROS")
+    parser.add_argument("--namespace", default="/", help="of the robot's nodes and topics, with ROS 2")
     parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
     return parser.parse_args()
 
@@ -70,10 +72,16 @@ def main() -> None:
 
     # Imported here, so that --help and a wrong world need no ROS.
     from robots.simulator.node import CameraOptions
-    from robots.simulator.ros.process import run
 
     cameras = CameraOptions(asked.depth_encoding, asked.camera_clock)
-    run(robot, asked.name, cameras, asked.exit_with_parent)
+    if asked.ros == 2:
+        from robots.simulator.ros2 import process as ros2
+
+        ros2.run(robot, asked.name, cameras, asked.exit_with_parent, asked.namespace)
+    else:
+        from robots.simulator.ros import process as ros1
+
+        ros1.run(robot, asked.name, cameras, asked.exit_with_parent)
 
 
 if __name__ == "__main__":

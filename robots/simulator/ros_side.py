@@ -32,19 +32,19 @@ class Goal(Protocol):
     def accept(self) -> None:
         """Begin it."""
 
-    def reject(self, text: str, **fields: Any) -> None:
+    def reject(self, text: str, /, **fields: Any) -> None:
         """Refuse to begin it."""
 
     def ignore(self) -> None:
         """Never answer, as a fault."""
 
-    def succeed(self, text: str = "", **fields: Any) -> None:
+    def succeed(self, text: str = "", /, **fields: Any) -> None:
         """End it with success."""
 
-    def abort(self, text: str, **fields: Any) -> None:
+    def abort(self, text: str, /, **fields: Any) -> None:
         """End it without success."""
 
-    def cancel(self, text: str, **fields: Any) -> None:
+    def cancel(self, text: str, /, **fields: Any) -> None:
         """End it because somebody cancelled it, or another goal replaced it."""
 
     def feedback(self, **fields: Any) -> None:

@@ -6,9 +6,11 @@ import sys
 
 from robots.shared.ros2.environment import MESSAGES, WHEELS, ros_environment
 from tests.processes import REPOSITORY
-from tests.ros2.test_node import pytestmark  # noqa: F401
+from tests.ros2.side import needs_rclpy
 
 LEAST_TYPES = 200
+
+pytestmark = needs_rclpy
 
 
 def test_each_type_is_read_and_written_as_rclpy_does() -> None:

@@ -49,5 +49,15 @@ def domain_environment(domain: int, discovery: str = "LOCALHOST", peers: str = "
     }
 
 
+def _main() -> None:
+    """Print the variables of a process in this domain, on this computer only."""
+    variables = ros_environment([MESSAGES, WHEELS]) | domain_environment(int(sys.argv[1]))
+    sys.stdout.writelines(f"{name}={value}\n" for name, value in variables.items())
+
+
 def _joined(folders: Iterable[Path], inherited: str) -> str:
     return os.pathsep.join([*map(str, folders), *filter(None, [inherited])])
+
+
+if __name__ == "__main__":
+    _main()

@@ -151,11 +151,15 @@ class Player:
         """Begin motion `name`, or raise `RefusedError`."""
         motion = self._motion(name)
         run = Run(motion.joints, motion.points, self.positions, now, fails)
-        busy = {controller for other in self._running for controller in other.controllers}
-        if needed := sorted(busy & run.controllers):
+        if needed := sorted(self._busy() & run.controllers):
             raise RefusedError(ErrorCode.CONTROLLER_BUSY, f"busy: {', '.join(needed)}")
         self._running.append(run)
         return run
+
+    def is_ready(self, name: str) -> bool:
+        """Return whether motion `name` exists and nothing moves its joints."""
+        motion = self.motions.get(name)
+        return motion is not None and not self._busy() & {JOINTS[joint].controller for joint in motion.joints}
 
     def follow(self, joints: Sequence[str], points: Sequence[Point], now: float) -> Run:
         """Begin a trajectory, within the joints' limits; it replaces its controller's present run."""
@@ -208,6 +212,10 @@ class Player:
         motion = self._motion(name)
         pairs = zip(motion.joints, motion.points[-1].positions, strict=True)
         return all(abs(self.positions[joint] - end) <= tolerance for joint, end in pairs)
+
+    def _busy(self) -> set[str]:
+        """Return the controllers that move joints now."""
+        return {controller for run in self._running for controller in run.controllers}
 
     def _motion(self, name: str) -> Motion:
         try:

@@ -30,16 +30,16 @@ class ActionGoal:
     def ignore(self) -> None:
         """Leave it without a status."""
 
-    def reject(self, text: str, **fields: Any) -> None:
+    def reject(self, text: str, /, **fields: Any) -> None:
         self.handle.set_rejected(self._result(fields), text)
 
-    def succeed(self, text: str = "", **fields: Any) -> None:
+    def succeed(self, text: str = "", /, **fields: Any) -> None:
         self.handle.set_succeeded(self._result(fields), text)
 
-    def abort(self, text: str, **fields: Any) -> None:
+    def abort(self, text: str, /, **fields: Any) -> None:
         self.handle.set_aborted(self._result(fields), text)
 
-    def cancel(self, text: str, **fields: Any) -> None:
+    def cancel(self, text: str, /, **fields: Any) -> None:
         self.handle.set_canceled(self._result(fields), text)
 
     def feedback(self, **fields: Any) -> None:

@@ -1,0 +1,30 @@
+"""The /navigate_to_pose action."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+from robots.simulator.actions.navigation import NavigationServer
+from robots.simulator.navigation.navigator import GoalDrive
+from robots.simulator.robot import Robot
+from robots.simulator.ros2.side import RclpySide
+from robots.simulator.ros_side import Goal
+
+
+class NavigateToPoseServer(NavigationServer):
+    """Nav2's bt_navigator."""
+
+    def __init__(self, ros: RclpySide, robot: Robot) -> None:
+        goals = ros.goals("/navigate_to_pose", "nav2_msgs/NavigateToPose", ros.add_node("bt_navigator"))
+        super().__init__(ros, robot, goals, "/cmd_vel", "/plan")
+
+    def _target(self, request: Any) -> Any:
+        return request.pose
+
+    def _tell(self, goal: Goal, drive: GoalDrive, now: float) -> None:
+        here = self._believed()
+        at = here.pose.position
+        left_m = math.fsum(math.dist(a, b) for a, b in pairwise([(at.x, at.y), *drive.path]))
+        goal.feedback(current_pose=here, distance_remaining=left_m)
