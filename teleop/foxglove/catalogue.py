@@ -137,34 +137,38 @@ class Catalogue:
         else:
             graph_now = self.graph
         published = {row.name: row.type for row in self._rows if row.publishers and "/" in row.type}
-        await self._learn(published)
+        unknown = await self._learn(published)
+        self._show(published, graph_now)
+        for type_name, topic in unknown.items():
+            with suppress(LinkRefused):  # a publisher that does not answer, or describes its type badly
+                self._texts[type_name] = (await self._ask(wire.Describe(type_name, topic))).text
+                self._show(published, graph_now)
+
+    async def _learn(self, published: dict[str, str]) -> dict[str, str]:
+        """Learn the definitions that the console knows. Return the other types, each with a topic to ask about."""
+        types, now_s = {type_name: topic for topic, type_name in published.items()}, time.monotonic()
+        self._texts = {name: text for name, text in self._texts.items() if name in types}
+        self._asked_s = {name: asked_s for name, asked_s in self._asked_s.items() if name in types}
+        due = {
+            name: topic
+            for name, topic in types.items()
+            if name not in self._texts and now_s - self._asked_s.get(name, -UNKNOWN_S) >= UNKNOWN_S
+        }
+        if due:
+            known = (await self._ask(wire.ListDefinitions())).texts
+            self._asked_s |= dict.fromkeys(due, now_s)
+            self._texts |= {name: text for name in due if (text := known.get(name))}
+        return {name: topic for name, topic in due.items() if name not in self._texts}
+
+    def _show(self, published: dict[str, str], graph: ConnectionGraph) -> None:
+        """Show the topics whose types are known."""
         channels = {
             topic: self._kept(topic, type_name)
             for topic, type_name in published.items()
             if type_name in self._texts
         }
         self._listed = published
-        self._apply(channels, graph_now)
-
-    async def _learn(self, published: dict[str, str]) -> None:
-        """Learn the definitions of types: those that the console knows all at once, others from a publisher."""
-        missing = {type_name: topic for topic, type_name in published.items() if type_name not in self._texts}
-        now_s = time.monotonic()
-        due = {
-            name: topic
-            for name, topic in missing.items()
-            if now_s - self._asked_s.get(name, -UNKNOWN_S) >= UNKNOWN_S
-        }
-        if not due:
-            return
-        known = (await self._ask(wire.ListDefinitions())).texts
-        for type_name, topic in due.items():
-            self._asked_s[type_name] = now_s
-            if text := known.get(type_name):
-                self._texts[type_name] = text
-                continue
-            with suppress(LinkRefused):  # a publisher that does not answer, or describes its type badly
-                self._texts[type_name] = (await self._ask(wire.Describe(type_name, topic))).text
+        self._apply(channels, graph)
 
     async def _ask(self, query: wire.TopicQuery | wire.DoorQuery) -> Any:
         return _decoded(await self.link.query_topics(query, person=None))

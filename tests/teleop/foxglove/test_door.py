@@ -204,6 +204,33 @@ async def test_definitions_are_read_once_for_all(connect, behind):
     assert behind.asked.count("definitions") == behind.asked.count("describe") == 1
 
 
+async def test_a_publisher_that_does_not_answer_keeps_no_channel_of_others(
+    connect, behind, bridge, monkeypatch
+):
+    answer, waits = bridge._answer, []
+
+    def silent(link: Any, message: Any) -> None:
+        is_asked = isinstance(message, wire.LinkQuery) and isinstance(message.ask, wire.Describe)
+        waits.append((link, message)) if is_asked else answer(link, message)
+
+    monkeypatch.setattr(bridge, "_answer", silent)
+    monkeypatch.setattr(catalogue, "FIRST_S", 0.2)
+    client = await connect()
+    assert set(await client.channels()) == {"/odom", "/scan", "/picture"}
+    assert len(waits) == 1
+    answer(*waits[0])
+    assert set(await client.channels()) == {"/own"}
+
+
+async def test_of_types_that_nobody_publishes_any_more_nothing_is_kept(connect, behind):
+    client = await connect()
+    await client.channels()
+    [known] = catalogue._catalogues.values()
+    behind.rows = [ODOM]
+    await client.next("unadvertise")
+    assert set(known._texts) == set(known._asked_s) == {ODOM.type}
+
+
 async def test_token_without_the_scope_is_refused(connect):
     client = await connect(Scope.DRIVE)
     assert await client.is_closed() == CloseCode.NOT_PERMITTED
