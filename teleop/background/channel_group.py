@@ -23,13 +23,14 @@ async def keep_receiving(
     joined: Callable[[str], None] = lambda _channel: None,
 ) -> None:
     """Receive the messages to a group, until cancelled. `joined` gets the own channel, after a fault a new one."""
-    layer = get_channel_layer()
+    layer, reachable = get_channel_layer(), True
     while layer is not None:
         try:
             channel = await layer.new_channel()
             await layer.group_add(group, channel)
             joining = run_in_background(_keep_joining(layer, group, channel))
             joined(channel)
+            reachable = True
             try:
                 while True:
                     await receive(await layer.receive(channel))
@@ -37,7 +38,9 @@ async def keep_receiving(
                 joining.cancel()
                 await layer.group_discard(group, channel)
         except Exception as error:  # noqa: BLE001 - the outermost level: the loop starts again
-            log.warning("No messages to %s arrive from other web processes now: %s", group, error)
+            if reachable:
+                log.warning("No messages to %s arrive from other web processes now: %s", group, error)
+            reachable = False
             await asyncio.sleep(_RETRY_S)
 
 

@@ -12,6 +12,7 @@ import pytest
 import pytest_asyncio
 
 from robots.shared.wire import NotDone
+from teleop.background import channel_group
 from teleop.rosbridge.clients import post
 from teleop.rosbridge.clients.letters import Address, Answer, Call, Gone, Letter, Offer, Shown
 from teleop.rosbridge.clients.post import Post
@@ -107,3 +108,32 @@ async def test_letters_that_are_not_sent_are_limited(people):
         for number in range(post.MOST_WAITING + 1):  # nothing is sent meanwhile
             await ann.post.send(ann.address, ben.address, Call(str(number), ADD, {}))
     assert refused.value.refusal.code == "busy"
+
+
+async def test_a_layer_that_is_away_is_logged_once_until_it_is_back(monkeypatch, caplog):
+    tries, twice = 0, asyncio.Event()
+
+    class Layer:
+        async def new_channel(self) -> str:
+            return "channel"
+
+        async def group_add(self, _group: str, _channel: str) -> None:
+            nonlocal tries
+            tries += 1
+            if tries % 4:
+                raise OSError("away")
+
+        async def receive(self, _channel: str) -> dict[str, Any]:
+            if tries == 8:
+                twice.set()
+            raise OSError("away")
+
+        async def group_discard(self, _group: str, _channel: str) -> None:
+            pass
+
+    monkeypatch.setattr(channel_group, "get_channel_layer", Layer)
+    monkeypatch.setattr(channel_group, "_RETRY_S", 0.0)
+    receiving = asyncio.create_task(channel_group.keep_receiving("robot", lambda _event: asyncio.sleep(0.0)))
+    await asyncio.wait_for(twice.wait(), 10.0)
+    receiving.cancel()
+    assert len(caplog.messages) == 3  # at first, and each time that it goes away again
