@@ -43,11 +43,17 @@ class WebProcess(ABC):
         """Send what waits."""
 
     async def write(self) -> None:
-        """Send while the connection lives."""
-        while True:
-            await self.news.wait()
-            self.news.clear()
-            await self.send_waiting()
+        """Send while the connection lives. After a fault it ends: the web process connects again."""
+        try:
+            while True:
+                await self.news.wait()
+                self.news.clear()
+                await self.send_waiting()
+        except ConnectionClosed:
+            pass
+        except Exception:
+            log.exception("a web process is cut")
+            await self.socket.close()
 
 
 W = TypeVar("W", bound=WebProcess)
@@ -103,5 +109,5 @@ class ProcessServer(ABC, Generic[W]):
             self.processes.discard(process)
             self.left()
             writer.cancel()
-            with suppress(asyncio.CancelledError, ConnectionClosed):
+            with suppress(asyncio.CancelledError):
                 await writer

@@ -5,12 +5,14 @@ import json
 
 import pytest
 
+from robots.bridge.tap.arrivals import Arrival
 from robots.link.client import links
 from robots.registry.selectors import link_address
 from robots.shared import wire
 from robots.shared.wire import LinkProcess
 from teleop.tap import feed
 from teleop.tap.feed import TapReader, feed_of
+from tests.teleop.support import eventually
 from tests.teleop.tap.support import FakeTap
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -68,6 +70,18 @@ async def test_a_message_is_read_once_for_all_readers(open_reader, tap):
     readers = [await open_reader() for _ in range(3)]
     tap.publish("/a", {"data": 1})
     assert [await reader.hears() for reader in readers] == 3 * [{"data": 1}]
+
+
+async def test_readers_get_messages_again_after_a_fault_of_the_tap(open_reader, tap, monkeypatch, caplog):
+    reader = await open_reader()
+    with monkeypatch.context() as faulty:
+        faulty.setattr(Arrival, "body", lambda *_: 1 // 0)
+        tap.publish("/a", {"data": 1})
+        await eventually(lambda: "ZeroDivisionError" in caplog.text)
+    while reader.heard.empty():
+        tap.publish("/a", {"data": 2})
+        await asyncio.sleep(0.05)
+    assert await reader.hears() == {"data": 2}
 
 
 async def test_the_largest_message_arrives(open_reader, tap):
