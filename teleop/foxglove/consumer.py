@@ -202,6 +202,7 @@ class FoxgloveConsumer(RobotSocket):
             del self._subscriptions[topic]
             if self._reader and not (topic == CLOCK and self._has_clock):
                 self._reader.end(topic, "raw")
+                self._types.pop(topic, None)
             if self._camera_audit:
                 self._camera_audit.end_viewing(topic)
 
@@ -261,9 +262,10 @@ class FoxgloveConsumer(RobotSocket):
 
     async def _deliver(self, topic: str, _form: Form, message: TapMessage) -> None:
         type_ = self._types.get(topic)
-        if topic == CLOCK and self._has_clock and type_ == protocol.CLOCK_TYPE:
-            self._clock_ns = protocol.clock_ns(message.body)
-            await self._send_frame(protocol.time(self._clock_ns))
+        is_clock = topic == CLOCK and self._has_clock and type_ == protocol.CLOCK_TYPE
+        if is_clock and (now_ns := protocol.clock_ns(message.body)) is not None:
+            self._clock_ns = now_ns
+            await self._send_frame(protocol.time(now_ns))
         subscribed = self._subscriptions.get(topic)
         # A message of another type cannot be read with this channel's definition, and may be a picture
         if subscribed is None or self._camera_audit is None or subscribed.channel.schemaName != type_:

@@ -156,7 +156,9 @@ def no_asset(request: int, why: str) -> bytes:
     return _NO_ASSET.pack(4, request, 1, len(words)) + words
 
 
-def clock_ns(body: bytes) -> int:
-    """Return the time in a message of `CLOCK_TYPE`."""
+def clock_ns(body: bytes) -> int | None:
+    """Return the time in a message of `CLOCK_TYPE`; None: it is too short."""
+    if len(body) < _CALL.size:
+        return None
     secs, nsecs = _CALL.unpack_from(body)
     return int(secs) * 1_000_000_000 + int(nsecs)

@@ -421,6 +421,7 @@ async def test_simulated_time_is_that_of_all_messages(connect, behind):
     assert (await client.next("serverInfo"))["capabilities"][-1] == "time"
     reader = await client.subscribe("/scan")
     assert reader.readings["/clock"][0] > 0.0
+    await reader.deliver("/clock", "raw", TapMessage("/clock", 1, 99, b"short"))
     await reader.deliver("/clock", "raw", TapMessage("/clock", 1, 99, struct.pack("<II", 5, 7)))
     assert await client.frame() == struct.pack("<BQ", 2, 5_000_000_007)
     await reader.deliver("/scan", "raw", TapMessage("/scan", 1, 99, b""))
