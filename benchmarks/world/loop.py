@@ -24,7 +24,7 @@ from benchmarks.world.witness import DEPTH, LASER, Look
 from robots.bridge.drive.drive_input import velocity_of
 from robots.bridge.gate.sensing.depth import Transform
 from robots.bridge.head.head import AHEAD_TAKES_S, FOLLOW_RADPS, Aim, Head
-from robots.bridge.ros.sensors.frames import TURNING_RADPS
+from robots.bridge.robot.sensors.frames import TURNING_RADPS
 from robots.shared.configuration.gate_profile import Limits
 from robots.shared.geometry import poses
 from robots.shared.geometry.poses import STILL, Velocity

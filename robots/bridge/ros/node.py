@@ -30,7 +30,10 @@ from robots.bridge.robot.board import BOARD
 from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.robot.memory import end_without_memory
+from robots.bridge.robot.on_demand_topics import OnDemandTopics
 from robots.bridge.robot.parts import RobotPart, kinds_in, parts_of
+from robots.bridge.robot.sensors.depth import DepthReception
+from robots.bridge.robot.sensors.diagnostics import statuses
 from robots.bridge.robot.velocity_sources import velocity_sources
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
@@ -41,11 +44,9 @@ from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
 from robots.bridge.ros.network.master_monitor import MasterMonitor
 from robots.bridge.ros.network.parameters import MasterParameters
-from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.sensors.brief import BRIEF
-from robots.bridge.ros.sensors.depth import DepthTopics
-from robots.bridge.ros.sensors.diagnostics import statuses
+from robots.bridge.ros.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
@@ -290,7 +291,8 @@ class RosBase(InputSwitch):
         depth, view = topics.depth, self.config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
-            pictures = DepthTopics(depth, view, self._tf.frames, self.mail, self._core)
+            reception = DepthReception(depth, view, self._tf.frames, self.mail, self._core, DepthMessages())
+            pictures = DepthTopics(depth, reception)
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf, pictures)
         elif topics.map or topics.navigation:
             self._tf = TfTopics()
@@ -551,7 +553,7 @@ class RosBase(InputSwitch):
         self.mail.post("charging", lambda: self._core.reports.charger(bool(message.data)), can_wait=True)
 
     def _on_diagnostics(self, message: Any) -> None:
-        arrival_s, read = time.monotonic(), statuses(message)
+        arrival_s, read = time.monotonic(), statuses(message, message._connection_header.get("callerid", ""))
         self.mail.post(
             "diagnostics",
             lambda: self._core.reports.diagnostics.observe(read, arrival_s),

@@ -11,7 +11,7 @@ import rospy
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.on_demand_topics import BUFFER_BYTES
+from robots.bridge.ros.sensors.raw_bytes import BUFFER_BYTES
 from robots.bridge.tap.arrivals import Kind
 from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal

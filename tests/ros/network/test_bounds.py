@@ -20,7 +20,6 @@ import robots.bridge.ros.bounds.servers as doors
 from robots.bridge.ros.bounds.listening import Reading
 from robots.bridge.ros.bounds.logs import BURST, LogLimiter
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
-from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce
 from robots.shared import texts
 from robots.shared.ros.master import Master, MasterError, _Transport
@@ -92,42 +91,6 @@ def test_our_goals_are_kept_when_there_are_too_many():
     kept = texts.most_of(goals, "ours-")
     assert len(kept) == texts.MOST_GOALS
     assert "ours-1" in kept
-
-
-def test_endless_frames_drop_old_unneeded_ones():
-    frames = Frames("base")
-    tree = (_transform("base", "torso"), _transform("torso", "camera"))
-    with pytest.raises(PoseUnknown):
-        frames.pose_at("camera", 1.0, patience_s=0.0)  # this makes the frame wanted
-    for transform in tree * 2:  # twice: the first round makes the parent known
-        frames.read(transform, fixed=False)
-        with pytest.raises(PoseUnknown):
-            frames.pose_at("camera", 99.0, patience_s=0.0)
-    for number in range(4 * MOST_MOVING):
-        frames.read(_transform("base", f"flood_{number}"), fixed=False)
-    assert len(frames._moving) == MOST_MOVING
-    assert frames.is_full
-    assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
-
-
-def test_endless_fixed_frames_leave_the_first_ones():
-    frames = Frames("base")
-    frames.read(_transform("base", "camera"), fixed=True)
-    for number in range(2 * MOST_FIXED):
-        frames.read(_transform("base", f"flood_{number}"), fixed=True)
-    assert len(frames._fixed) == MOST_FIXED
-    assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
-
-
-def test_a_frame_with_a_long_name_is_not_kept():
-    frames = Frames("base")
-    frames.read(_transform("base", LONG), fixed=False)
-    assert not frames._moving
-
-
-def _transform(parent: str, child: str) -> bytes:
-    header = struct.pack("<III", 0, 1, 0) + strangers.text(parent)
-    return struct.pack("<I", 1) + header + strangers.text(child) + struct.pack("<7d", 0, 0, 0, 0, 0, 0, 1)
 
 
 # --- publishers --------------------------------------------------------------------------------------

@@ -16,11 +16,11 @@ from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.camera.shown import compressed_picture, raw_picture
 from robots.bridge.robot.board import BOARD
+from robots.bridge.robot.sensors.frames import Frames, PoseUnknown
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
-from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
+from robots.bridge.ros.sensors.raw_bytes import BUFFER_BYTES, listen
 from robots.shared.configuration.bridge_config import CameraSource
 from robots.shared.sentences import say
 from robots.shared.texts import NAME, cut

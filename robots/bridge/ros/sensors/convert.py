@@ -7,20 +7,14 @@ from typing import Any
 import numpy as np
 
 from robots.bridge.gate.values import LaserScan
+from robots.bridge.robot.sensors.poses import planar_pose
 from robots.shared.geometry.poses import Pose, Velocity
-from robots.shared.geometry.quaternions import yaw_of
 
 
 def planar(odometry: Any) -> tuple[Pose, Velocity]:
     """Return pose and velocity in the plane of a nav_msgs/Odometry."""
     twist = odometry.twist.twist
     return planar_pose(odometry.pose.pose), Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
-
-
-def planar_pose(pose: Any) -> Pose:
-    """Return the pose in the plane of a geometry_msgs/Pose; its yaw is NaN if the orientation is not finite."""
-    turn = pose.orientation
-    return Pose(pose.position.x, pose.position.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
 
 
 def laser_scan(scan: Any, source: str, arrival_s: float) -> LaserScan:

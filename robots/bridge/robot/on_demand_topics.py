@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Protocol
 
-import rospy
-
 from robots.bridge.robot.worker import Worker
-from robots.bridge.ros.bounds.sizes import expect
-
-BUFFER_BYTES = 1 << 20  # of one read; a picture has some hundred kilobytes to some megabytes
 
 
-def listen(
-    topic: str, type_name: str, take: Callable[[bytes], None], queue: int | None = None
-) -> rospy.Subscriber:
-    """Subscribe to a topic of this type; `take` gets the bytes of each message, on a rospy thread."""
-    expect(topic, type_name)
-    return rospy.Subscriber(
-        topic,
-        rospy.AnyMsg,
-        lambda message: take(message._buff),
-        queue_size=queue,
-        buff_size=BUFFER_BYTES,
-        tcp_nodelay=True,
-    )
+class Subscription(Protocol):
+    """One topic that the bridge listens to."""
+
+    def unregister(self) -> None:
+        """End it. Asks the robot."""
 
 
 class OnDemandSource(Protocol):
     """A group of topics and the handling of their messages."""
 
-    def listen(self) -> list[rospy.Subscriber]:
-        """Subscribe. Calls the master."""
+    def listen(self) -> Sequence[Subscription]:
+        """Subscribe. Asks the robot."""
 
     def forget(self) -> None:
         """Forget all earlier data: it is no longer valid."""
@@ -45,7 +32,7 @@ class OnDemandTopics:
         self._worker = worker
         self._parts = parts
         self._wanted = False
-        self._subscribers: list[rospy.Subscriber] = []
+        self._subscribers: list[Subscription] = []
 
     def set_wanted(self, wanted: bool) -> None:
         """Subscribe while wanted, else unsubscribe. Returns at once."""

@@ -13,9 +13,9 @@ MOST_VALUES = 100  # of one status
 LONGEST_VALUE = 40  # characters; temperatures are short
 
 
-def statuses(message: Any) -> list[Status]:
-    """Return the statuses of one message, with texts cut; of too many the worst."""
-    node = cut(getattr(message, "_connection_header", {}).get("callerid", ""), TITLE)
+def statuses(message: Any, node: str) -> list[Status]:
+    """Return the statuses of a node's message, with texts cut; of too many the worst."""
+    node = cut(node, TITLE)
     return [
         Status(
             cut(one.name, TITLE),
@@ -30,5 +30,5 @@ def statuses(message: Any) -> list[Status]:
 
 
 def _level(status: Any) -> int:
-    """Return the level: rospy reads a number, nodes within this process may give bytes."""
+    """Return the level: rospy reads a number, rclpy a byte."""
     return status.level if isinstance(status.level, int) else int.from_bytes(status.level, "little")

@@ -1,4 +1,4 @@
-"""Computes a frame's pose in the base frame at a stamp, from raw /tf and /tf_static messages.
+"""Computes a frame's pose in the base frame at a stamp, from the transforms of /tf and /tf_static.
 
 A robot publishes thirty frames fifty times a second. The chain from the base to one camera is needed ten times a
 second, and numbers are unpacked only then. Transforms are kept packed, by child frame.
@@ -12,7 +12,7 @@ import threading
 import time
 from bisect import bisect_left
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -37,9 +37,7 @@ MOST_FIXED = 2000
 MOST_WANTED = 200  # requested frames, which are never dropped for others
 FULL_S = 15.0  # how long the page shows that frames were dropped
 
-_HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
-_LENGTH = struct.Struct("<I")
-_TRANSFORM = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
+TRANSFORM = struct.Struct("<7d")  # of a packed pose: translation, rotation (x, y, z, w)
 
 Matrix = NDArray[np.float64]  # (4, 4)
 
@@ -57,7 +55,7 @@ class FramePose(NamedTuple):
 
 
 class Frames:
-    """The newest transforms of every frame. `read` and `pose_at` may be called on different threads."""
+    """The newest transforms of every frame. `take` and `pose_at` may be called on different threads."""
 
     def __init__(self, base: str) -> None:
         self._base = base
@@ -72,10 +70,10 @@ class Frames:
         """Return whether frames were dropped lately because there are too many."""
         return time.monotonic() - self._full_s < FULL_S
 
-    def read(self, raw: bytes, fixed: bool) -> None:
-        """Take a serialized tf2_msgs/TFMessage, or the complete transforms of a truncated one."""
+    def take(self, transforms: Iterable[tuple[str, FramePose]], fixed: bool) -> None:
+        """Take poses of child frames, as one message has them."""
         with self._news:
-            for child, pose in transforms(raw):
+            for child, pose in transforms:
                 if len(child) > NAME or len(pose.parent) > NAME:
                     continue
                 if fixed:
@@ -195,38 +193,13 @@ class Frames:
         return _matrix(*_parts(history[0].packed))
 
 
-def transforms(raw: bytes) -> Iterator[tuple[str, FramePose]]:
-    """Yield child frame and transform of a serialized tf2_msgs/TFMessage."""
-    try:
-        (count,) = _LENGTH.unpack_from(raw)
-        at = _LENGTH.size
-        for _ in range(count):
-            _, seconds, nanoseconds = _HEADER.unpack_from(raw, at)
-            parent, at = _name(raw, at + _HEADER.size)
-            child, at = _name(raw, at)
-            packed = raw[at : at + _TRANSFORM.size]
-            at += _TRANSFORM.size
-            if len(packed) < _TRANSFORM.size:
-                return
-            yield child, FramePose(seconds + nanoseconds / 1e9, parent, packed)
-    except struct.error:
-        return
-
-
-def _name(raw: bytes, at: int) -> tuple[str, int]:
-    """Return a frame's name and the offset of the next field. Old publishers write a slash before the name."""
-    (length,) = _LENGTH.unpack_from(raw, at)
-    begin = at + _LENGTH.size
-    return raw[begin : begin + length].decode(errors="replace").lstrip("/"), begin + length
-
-
 def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers.
 
     A quaternion that is zero or nearly so is refused, as tf2 does: by a camera in a wrong direction, obstacles would
     be elsewhere.
     """
-    *translation, x, y, z, w = _TRANSFORM.unpack(packed)
+    *translation, x, y, z, w = TRANSFORM.unpack(packed)
     turn = rotation(x, y, z, w)
     if turn is None or math.hypot(x, y, z, w) < LEAST or not all(map(math.isfinite, translation)):
         raise PoseUnknown(say("tf has invalid numbers"))

@@ -1,0 +1,1 @@
+"""What a robot senses, after its bytes are read: frames, depth pictures, diagnostics."""
