@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 import os
 import socket
 import threading
@@ -19,22 +18,18 @@ from urllib.parse import urlsplit
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
-from msgspec import structs
 
 from robots.bridge.arm.posture import ArmPosture
-from robots.bridge.audit.description import taken_description
 from robots.bridge.core import Core
-from robots.bridge.gate.arm.discs import Posture
-from robots.bridge.health.battery_charge import BatteryCharge
-from robots.bridge.robot.board import BOARD
+from robots.bridge.robot.descriptions import Descriptions
 from robots.bridge.robot.interface import RobotParameters, RobotSide
-from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.robot.memory import end_without_memory
 from robots.bridge.robot.on_demand_topics import OnDemandTopics
 from robots.bridge.robot.parts import RobotPart, kinds_in, parts_of
+from robots.bridge.robot.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.diagnostics import statuses
-from robots.bridge.robot.velocity_sources import velocity_sources
+from robots.bridge.robot.surveys import MOST_LOOKED_UP, Surveys
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros import tasks
@@ -58,11 +53,10 @@ from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.configuration.robot_ros import ros1
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.graph import SystemState, is_own
-from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
+from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.ros.master import Master, MasterError, why_silent
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.sentences import say
-from robots.shared.texts import SENTENCE, cut, named
 from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)
@@ -72,21 +66,11 @@ PARTS = kinds_in(tasks)
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 DESCRIPTION_S = 5.0  # the description has hundreds of kilobytes, and may come by radio
-DESCRIBED_S = 60.0  # between two reads of the description while nobody has control
-RESTARTED_S = 5.0  # between two reads, if nodes come and go; `DESCRIBED_S` after `FRUITLESS` reads
-FRUITLESS = 3  # reads in a row, while somebody has control, that find no new description
-LARGE = 1_000_000  # characters: reading so large a description may delay the control loop
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
-SCANS_WAIT = 3  # of each laser, if they can wait
-ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
-DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
 DIAGNOSED_S = 0.5  # between reads of diagnostics: nodes report once a second
 # Between reads while the robot stands without a driver: shorter than each sensor's limit
 RESTS_S, SONAR_RESTS_S = 0.1, 0.2
-RESTS = 0.005  # m/s or rad/s: a slower robot stands
-MOST_PROBLEMS = 10  # in one report
-MOST_LOOKED_UP = 8  # nodes whose address one survey asks for
 
 
 class RosBase(InputSwitch):
@@ -100,7 +84,6 @@ class RosBase(InputSwitch):
         self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
         self._acknowledgements: Acknowledgements | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
-        self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
@@ -109,24 +92,24 @@ class RosBase(InputSwitch):
         self._found: dict[type, object] = {}  # parts by what they do
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
-        self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
         self._topic_worker = Worker("topics")
         self._monitor = MasterMonitor(self._master, self)
-        self._described = False
-        self._description: object = None  # the robot's description that is in use
-        self._read_s = -math.inf  # time of the last read
-        self._fruitless = 0  # reads in a row, while somebody has control, that found nothing new
-        self._map_servers: dict[str, str | None] = {}  # nodes that publish the map, with their addresses
-        self._publishers_at_last_read: set[str] = set()  # nodes that published joints, tf and odometry
         self._runs = RunMonitor()
-        self._charge = BatteryCharge()
-        self._moves = True  # by the last odometry
-        self.watched = False  # somebody looks at views
-        self.mail = Mailboxes(self.post, lambda: self._core.needs_fresh_sensors, speaker)
-        self._loop: asyncio.AbstractEventLoop
-        self._core: Core
-        self._run_on_loop: Callable[[Callable[[], None]], None]
+        self._reception = Reception(config.topics, speaker)
+        self.mail, self.post = self._reception.mail, self._reception.post
+        self._surveys = Surveys(config, self._reception, self._master.system_state, self._master.node_uri)
+        self.find_listener = self._surveys.find_listener
+        self._descriptions = Descriptions(config.topics, self._description, self.posture, self._reception)
         self._on_lost: Callable[[bool], None]
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody looks at views."""
+        return self._reception.watched
+
+    @watched.setter
+    def watched(self, watched: bool) -> None:
+        self._reception.watched = watched
 
     def joints(self, now_s: float) -> dict[str, float]:
         """Return the positions (rad or m) of joints of the robot's description, as far as they are known."""
@@ -156,10 +139,7 @@ class RosBase(InputSwitch):
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
     def take_odometry(self) -> None:
-        try:
-            self.mail.take("odometry")
-        except Exception:  # the decision that needs it must be made
-            log.exception("odometry could not be handled")
+        self._reception.take_odometry()
 
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return how long (s) the robot's computer takes to acknowledge a twist; None if nothing is new."""
@@ -227,7 +207,8 @@ class RosBase(InputSwitch):
         `on_lost` gets True if another node took the name. `run_on_loop` runs calls with the robot's data on
         the loop.
         """
-        self._loop, self._core, self._run_on_loop, self._on_lost = loop, core, run_on_loop, on_lost
+        self._reception.start(loop, core, run_on_loop)
+        self._on_lost = on_lost
         os.environ["ROS_MASTER_URI"] = self._master.uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self.config.state_dir) / "ros-log"))
@@ -258,7 +239,7 @@ class RosBase(InputSwitch):
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
         pause(
             topics.odometry.name,
-            lambda: 0.0 if self._moves else RESTS_S,
+            lambda: 0.0 if self._reception.moves else RESTS_S,
             hurried_s=0.0,
             newest_only=True,
         )
@@ -267,9 +248,11 @@ class RosBase(InputSwitch):
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
             # Sonars that share a topic publish together: no reading may push another out of the queue.
             self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range, SONAR_ROUNDS * sonars)
-            pause(name, lambda: 0.0 if self._moves or self.watched else SONAR_RESTS_S, hurried_s=0.0)
+            pause(
+                name, lambda: 0.0 if self._reception.moves or self.watched else SONAR_RESTS_S, hurried_s=0.0
+            )
         if topics.battery:
-            self._subscribe(topics.battery, self._on_battery)
+            self._subscribe(topics.battery, self._reception.battery)
         if topics.charging:
             self._subscribe(topics.charging, self._on_charging)
         if topics.diagnostics:
@@ -284,14 +267,14 @@ class RosBase(InputSwitch):
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
         self.parts = parts_of(self, PARTS)
         if self.posture and topics.joint_states:
-            posture = PostureTopics(self.posture, self._on_posture if topics.arm else None)
+            posture = PostureTopics(self.posture, self._reception.posture if topics.arm else None)
             motions = topics.motions if topics.arm and topics.arm.postures else None
             posture.subscribe(topics.joint_states, motions)
-        self._describe()
+        self._descriptions.read()
         depth, view = topics.depth, self.config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
-            reception = DepthReception(depth, view, self._tf.frames, self.mail, self._core, DepthMessages())
+            reception = DepthReception(depth, view, self._tf.frames, self._reception, DepthMessages())
             pictures = DepthTopics(depth, reception)
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf, pictures)
         elif topics.map or topics.navigation:
@@ -300,26 +283,20 @@ class RosBase(InputSwitch):
 
     def restarting(self) -> None:
         """Forget where the robot is: a robot that stands tells its new pose only once."""
-        self.post(lambda: self._core.restarting(time.monotonic()))
+        self._reception.restarting()
 
     def restarted(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.start_run()
-        self._described, self._description = False, None
-        self._map_servers = {}
-        if self.posture:
-            self.posture.awaits_description = True
-        self._describe()
-        self.post(lambda: self._core.restarted(time.monotonic()))
+        self._surveys.restarted()
+        self._descriptions.restarted()
+        self._reception.restarted()
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state. Read missing data, since the robot may start after its master."""
-        self.report(self._survey(system))
-        self._report_listened(system)
+        self._surveys.surveyed(system, self._drive_topic, self._problems(system))
         self._follow_clock(system)
-        self._look_for_restart(system)
-        self._look_for_map_server(system)
-        self._describe()
+        self._descriptions.surveyed(system)
         for part in self.parts:
             part.surveyed()
 
@@ -329,87 +306,23 @@ class RosBase(InputSwitch):
             simulated = "/clock" in system.publishers and self._master.parameter("/use_sim_time") is True
         except MasterError:
             return  # the next survey asks again
-        self.post(lambda: self._core.follow_clock(simulated=simulated))
+        self._reception.follow_clock(simulated)
 
     @property
     def tasks(self) -> HolderTasks:
         """The tasks of the holder. Use them on the event loop only."""
-        return self._core.tasks
-
-    def find_listener(self, topic: str) -> None:
-        """Ask the master again who listens, if nobody listened to this topic at the last survey."""
-        if topic not in self._listened:
-            self._report_listened(self._master.system_state())
-
-    def _report_listened(self, system: SystemState) -> None:
-        self._listened = listened = _listened(system)
-        self.post(lambda: self.tasks.routing.surveyed(listened, time.monotonic()))
+        return self._reception.core.tasks
 
     def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the master."""
-        short = structs.replace(status, text=cut(status.text, SENTENCE))
-        self.post(lambda: self._core.ros_status(short, time.monotonic()))
+        self._surveys.report(status)
 
     def lost(self, name_taken: bool) -> None:
         """Report that this process's node ended or failed to start."""
         self.post(lambda: self._on_lost(name_taken))
 
-    def _look_for_map_server(self, system: SystemState) -> None:
-        """Notice that other nodes, or another run of one, publish the map. If all are gone, the map stays."""
-        topic = self.config.topics.map
-        nodes = system.publishers.get(topic.name, [])[:MOST_LOOKED_UP] if topic else []
-        servers = {node: self._master.node_uri(node) for node in nodes}
-        if servers and servers != self._map_servers:
-            is_other, self._map_servers = bool(self._map_servers), servers
-            if is_other:
-                self.post(lambda: self.tasks.navigation.map_doubted(time.monotonic(), restarted=False))
-
-    def _look_for_restart(self, system: SystemState) -> None:
-        """Read the description again when nodes came or went that a restart of the robot replaces.
-
-        The read every `DESCRIBED_S`, while nobody has control, finds other changes: a restart between two
-        surveys, or a new description without a restart.
-        """
-        topics = self.config.topics
-        names = {"/tf", topics.odometry.name, *([topics.joint_states.name] if topics.joint_states else [])}
-        publishers = {node for name in names for node in system.publishers.get(name, [])}
-        seconds = time.monotonic() - self._read_s
-        is_due = seconds >= DESCRIBED_S and not self._core.needs_fresh_sensors
-        gap_s = RESTARTED_S if self._fruitless < FRUITLESS else DESCRIBED_S
-        if is_due or (publishers != self._publishers_at_last_read and seconds >= gap_s):
-            self._described, self._publishers_at_last_read = False, publishers
-
-    def _describe(self) -> None:
-        """Pass the robot's description to the arm's posture and to the console as soon as the robot has one.
-
-        A known description is used until the robot has another. A large new one waits until nobody has
-        control.
-        """
-        if self._described:
-            return
-        master = Master(self._master.uri, BRIDGE, DESCRIPTION_S)
-        try:
-            description = master.parameter("/robot_description")
-            if self.posture:
-                self.posture.awaits_description = False
-        except MasterError:
-            description = None  # the next survey asks again, unless one is known and somebody drives
-        known, drives = self._description is not None, self._core.needs_fresh_sensors
-        self._read_s, self._described = time.monotonic(), description is not None or (known and drives)
-        waits = description is None or (drives and len(description) > LARGE)
-        if description == self._description or (known and waits):
-            self._fruitless = self._fruitless + 1 if drives else 0
-            return
-        self._description, self._fruitless = description, 0
-        if self.posture:
-            self.posture.describe(description)
-        if self._described:
-            taken = taken_description(description)
-            self.post(lambda: self._core.described(taken, self._ask_again))
-
-    def _ask_again(self) -> None:
-        """Let the next survey read the description again: the console could not keep it."""
-        self._described, self._description = False, None
+    def _description(self) -> object:
+        return Master(self._master.uri, BRIDGE, DESCRIPTION_S).parameter("/robot_description")
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
@@ -439,26 +352,17 @@ class RosBase(InputSwitch):
         while not heard_by(publisher) and time.monotonic() < deadline_s:
             time.sleep(FLUSH_S / 10)
 
-    def _survey(self, system: SystemState) -> RosStatus:
+    def _problems(self, system: SystemState) -> list[str]:
+        """Return what is wrong with this robot, beside what every robot may have wrong."""
         topics = self.config.topics
-        drive = Topic(self._drive_topic, topics.drive.type)
-        own = {BRIDGE, watchdog_name(self.config.robot_id)}
-        foreign = named(sorted(set(system.publishers.get(drive.name, [])) - own))
-        wanted = [drive, topics.odometry]
-        wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
-        problems = BOARD.texts()
-        if system.is_cut:
-            problems.append(
-                say("The robot has too many topics or services: the console does not know all of them.")
-            )
+        problems: list[str] = []
         if self._tf is not None and self._tf.frames.is_full:
             problems.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
-        problems += [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
-        problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
-        texts = [cut(problem, SENTENCE) for problem in problems if problem]
-        velocities = velocity_sources(system, drive.name, topics.odometry.name)
-        return RosStatus("connecting", "", foreign, texts[:MOST_PROBLEMS], velocities)
+        drive = Topic(self._drive_topic, topics.drive.type)
+        if unconnected := self._unconnected(drive, system.subscribers.get(drive.name, [])):
+            problems.append(unconnected)
+        return problems
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
         """Return a sentence for each host name of the robot that this computer cannot resolve."""
@@ -504,66 +408,25 @@ class RosBase(InputSwitch):
         rospy.Subscriber(topic.name, kind, callback, queue_size=queue, tcp_nodelay=True)
 
     def _on_odometry(self, message: Any) -> None:
-        arrival_s, wall_s = time.monotonic(), time.time()
-        stamp_s, pose, velocity = message.stamp_s, message.planar_pose, message.velocity
-        self._moves = not all(abs(part) < RESTS for part in velocity)
         run = self._runs.of(message._connection_header)
         by = speaker()
-        messages = by.stands_for if by else 1
-        self.mail.post(
-            "odometry",
-            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run, messages),
-            ODOMETRY_WAITS,
-            can_wait=True,
+        self._reception.odometry(
+            message.stamp_s, message.planar_pose, message.velocity, run, by.stands_for if by else 1
         )
 
     def _on_scan(self, source: str) -> Callable[[Any], None]:
-        def receive(message: Any) -> None:
-            scan = message.scan._replace(source=source, arrival_s=time.monotonic())
-            waits = not (self.watched or self._core.needs_fresh_sensors)
-            thins = waits and not self._moves
-            self.mail.post(
-                source,
-                lambda: self._core.laser(scan, thins=thins),
-                SCANS_WAIT if waits else 1,
-                can_wait=waits,
-            )
-
-        return receive
-
-    def _on_range(self, message: Any) -> None:
-        arrival_s, stamp_s = time.monotonic(), message.header.stamp.to_sec()
-        frame_id = message.header.frame_id.lstrip("/")
-        if frame_id in self._sonars:
-            self.mail.post(
-                ("sonar", frame_id),
-                lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range),
-                can_wait=True,
-            )
-
-    def _on_posture(self, arm: Posture, arrival_s: float) -> None:
-        self.mail.post("posture", lambda: self._core.posture(arm, arrival_s), can_wait=True)
-
-    def _on_battery(self, message: Any) -> None:
-        percent, arrival_s = self._charge.percent(message), time.monotonic()
-        if percent is not None:
-            self.mail.post("battery", lambda: self._core.reports.battery(percent, arrival_s), can_wait=True)
-
-    def _on_charging(self, message: Any) -> None:
-        self.mail.post("charging", lambda: self._core.reports.charger(bool(message.data)), can_wait=True)
-
-    def _on_diagnostics(self, message: Any) -> None:
-        arrival_s, read = time.monotonic(), statuses(message, message._connection_header.get("callerid", ""))
-        self.mail.post(
-            "diagnostics",
-            lambda: self._core.reports.diagnostics.observe(read, arrival_s),
-            DIAGNOSTICS_WAIT,
-            can_wait=True,
+        return lambda message: self._reception.scan(
+            message.scan._replace(source=source, arrival_s=time.monotonic())
         )
 
-    def post(self, call: Callable[[], None]) -> None:
-        if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._run_on_loop, call)
+    def _on_range(self, message: Any) -> None:
+        self._reception.range(message.header.frame_id, message.header.stamp.to_sec(), message.range)
+
+    def _on_charging(self, message: Any) -> None:
+        self._reception.charging(bool(message.data))
+
+    def _on_diagnostics(self, message: Any) -> None:
+        self._reception.diagnostics(statuses(message, message._connection_header.get("callerid", "")))
 
 
 def _twist(velocity: Velocity) -> Twist:
@@ -578,29 +441,12 @@ def _stamp(twist: Twist) -> TwistStamped:
     return stamped
 
 
-def _listened(system: SystemState) -> dict[str, str]:
-    """Return the topics with listeners apart from the console, and their types."""
-    return {
-        topic: system.types[topic]
-        for topic, nodes in system.subscribers.items()
-        if topic in system.types and not all(map(is_own, nodes))
-    }
-
-
 def _host(uri: str) -> str:
     """Return the host of a URI; empty if there is none."""
     try:
         return urlsplit(uri).hostname or ""
     except ValueError:
         return ""
-
-
-def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
-    found = types.get(topic.name)
-    if found in (None, "*", topic.type):
-        return ""
-    key = "{topic} is {found} on the robot, {type} in the registry."
-    return say(key, topic=topic.name, found=found, type=topic.type)
 
 
 if TYPE_CHECKING:

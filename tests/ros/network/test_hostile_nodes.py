@@ -16,8 +16,6 @@ from unittest.mock import Mock
 
 import pytest
 
-from robots.bridge.robot.board import Board
-from robots.bridge.ros import node
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
@@ -181,12 +179,11 @@ def test_a_silent_name_server_delays_no_survey(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
     monkeypatch.setattr(Master, "node_uri", lambda *_: "http://tiago-9c:1/")
-    monkeypatch.setattr(node, "BOARD", Board())  # another test may have filled the shared board
     base = RosBase(CONFIG)
     system = SystemState({CONFIG.topics.odometry.name: ["/base"]}, {}, {}, {})
-    assert base._survey(system).problems == []
+    assert base._problems(system) == []
     assert asked.wait(10)
-    assert base._survey(system).problems == []
+    assert base._problems(system) == []
     over.set()
-    [text] = until(lambda: base._survey(system).problems, "the name that is not known")
+    [text] = until(lambda: base._problems(system), "the name that is not known")
     assert text.startswith("The robot calls itself tiago-9c, which cannot be resolved here")

@@ -207,7 +207,7 @@ def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
 
     changes = []
     base = RosBase(CONFIG)
-    base._core = SimpleNamespace(
+    base._reception.core = SimpleNamespace(
         tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: changes.append(how)))
     )
     monkeypatch.setattr(base, "post", lambda later: later())

@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from robots.bridge.core import Core
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import (
     Cloud,
@@ -19,7 +18,7 @@ from robots.bridge.gate.sensing.depth import (
     picture_of_image,
 )
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.reception import Reception
 from robots.bridge.robot.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import DepthSource
 from robots.shared.configuration.gate_profile import DepthView
@@ -47,22 +46,20 @@ class DepthReader(Protocol):
 
 
 class DepthReception:
-    """The messages of one depth camera, on the threads of a side. Pictures go to `core` through `mail`, on the loop."""
+    """The messages of one depth camera, on the threads of a side. Pictures go to the core, on the loop."""
 
     def __init__(
         self,
         source: DepthSource,
         view: DepthView,
         frames: Frames,
-        mail: Mailboxes,
-        core: Core,
+        reception: Reception,
         reader: DepthReader,
     ) -> None:
         self._source = source
         self._view = view
         self._frames = frames
-        self._mail = mail
-        self._core = core
+        self._reception = reception
         self._reader = reader
         self._info: tuple[int, int, Lens] | None = None  # width and height of its pictures, lens
         self._taken_s = float("-inf")
@@ -84,14 +81,14 @@ class DepthReception:
             stamp_s, frame_id, picture = self._cloud(raw) if self._is_cloud else self._image(raw)
             to_base = self._frames.pose_at(frame_id.lstrip("/"), stamp_s)
             frame = frame_of(picture, to_base, self._view)
-            self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
+            self._reception.depth(frame, stamp_s, arrival_s)
         except (Malformed, PoseUnknown) as error:
             self._cannot_use(error.args[0])
         except Unreadable as error:
             self._cannot_use(say("its messages cannot be read ({error})", error=error))
 
     def _cannot_use(self, why: str) -> None:
-        self._mail.post("bad depth", lambda: self._core.bad_depth(cut(why, SENTENCE)))
+        self._reception.bad_depth(cut(why, SENTENCE))
 
     @property
     def _is_cloud(self) -> bool:
