@@ -9,6 +9,7 @@ from typing import Any
 from unittest.mock import Mock
 
 from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.tasks.motions import RecordedMotions
 from robots.bridge.ros.network.parameters import MasterParameters
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.ros.master import Master
@@ -17,7 +18,7 @@ from robots.shared.ros.master import Master
 @contextmanager
 def motion_topics(
     names: Collection[str], master_uri: str, offers: Callable[..., Any], tasks: Any = None
-) -> Iterator[MotionTopics]:
+) -> Iterator[RecordedMotions]:
     """Yield the topics of these actions. `offers` gets all lists of motions, `tasks` all reports."""
     of_holder = SimpleNamespace(
         routing=Mock(connected=lambda _use: names), capabilities=Mock(read=offers), motions=tasks or Mock()
@@ -28,7 +29,8 @@ def motion_topics(
         post=lambda call: call(),
         tasks=of_holder,
     )
-    topics = MotionTopics(node, "play_motion_msgs/PlayMotionAction")
+    node.config.topics.motions.type = "play_motion_msgs/PlayMotionAction"
+    topics = MotionTopics.of(node)
     try:
         yield topics
     finally:

@@ -22,6 +22,8 @@ from robots.shared.sentences import say
 # a slow computer needs three times as much.
 LOOP_SHARE = 0.3
 
+EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
+
 Call = Callable[[], None]
 
 

@@ -12,15 +12,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from unittest.mock import Mock
 
 import pytest
 
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.tasks import motions
-from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.graph import SystemState
 from robots.shared.ros import master
 from robots.shared.ros.master import TIMEOUT_S, Master, MasterError
@@ -150,23 +147,6 @@ def test_an_unusable_connection_without_owner_is_closed(monkeypatch):
         with connection:
             connection.settimeout(1.0)
             assert connection.recv(1) == b"", caught  # the traceback still holds unclosed sockets
-
-
-def test_a_flapping_node_does_not_speed_up_motion_reading(monkeypatch):
-    monkeypatch.setattr(motions, "JOINED_GAP_S", 0.5)
-    readings: queue.SimpleQueue[float] = queue.SimpleQueue()
-    monkeypatch.setattr(MotionTopics, "read", lambda _self: readings.put(time.monotonic()))
-    action = Mock()
-    monkeypatch.setattr(motions, "ActionTopics", action)
-    robot = Mock(config=CONFIG)
-    robot.tasks.routing.connected.return_value = ["/play_motion"]
-    MotionTopics.of(robot)
-    joined = action.call_args.kwargs["joined"]
-    began_s = time.monotonic()
-    joined()
-    readings.get(timeout=10)
-    joined()
-    assert readings.get(timeout=10) - began_s >= 0.5
 
 
 def test_a_silent_name_server_delays_no_survey(monkeypatch):

@@ -17,7 +17,6 @@ from robots.shared.ros.message_types.classes import message_class
 from robots.shared.texts import NAME, SENTENCE, cut, most_of
 
 STATUS_RESTS_S = 0.4  # between reads of statuses while nobody has control
-EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 OUTCOMES = {  # others: "failed"
     GoalStatus.SUCCEEDED: "succeeded",

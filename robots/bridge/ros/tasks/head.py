@@ -15,9 +15,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots.bridge.head.head import Aim
 from robots.bridge.head.head_tasks import HeadMover, HeadTasks
 from robots.bridge.robot.interface import Node
+from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ended
+from robots.bridge.ros.tasks.actions import ended
 from robots.bridge.ros.tasks.publishing import heard_by, publish
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import HeadSource

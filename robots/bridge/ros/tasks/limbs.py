@@ -12,9 +12,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.parts import RobotPart
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
+from robots.bridge.ros.tasks.actions import ActionTopics, GoalListener
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
 from robots.shared.texts import SENTENCE, cut
 from robots.shared.wire import Limb

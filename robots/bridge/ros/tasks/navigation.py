@@ -14,10 +14,10 @@ import rospy
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.robot.sensors.poses import planar_pose
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
+from robots.bridge.ros.tasks.actions import ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
 from robots.shared.geometry.poses import Pose, Velocity

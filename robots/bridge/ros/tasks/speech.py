@@ -9,9 +9,9 @@ from typing import Any
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.parts import RobotPart
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
+from robots.bridge.ros.tasks.actions import ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance

@@ -1,0 +1,1 @@
+"""What both ROS sides do for tasks."""
