@@ -83,6 +83,7 @@ class RosbridgeConsumer(ControllingSocket):
         super().__init__()
         self.control_told: Control | None = None
         self.families: list[Family] = []
+        self.has_left = False
         self._handlers: dict[type[Operation], Handler] = {
             operations.SetLevel: self._set_level,
             operations.Fragment: self._fragment,
@@ -188,6 +189,7 @@ class RosbridgeConsumer(ControllingSocket):
             self._pinging.cancel()
         if self._acting:
             self._acting.cancel()
+        self.has_left = True
         try:
             for family in self.families:
                 family.leave()

@@ -29,6 +29,7 @@ class Client(Protocol):
     control: ControlHolder | None
     control_told: Control | None  # the newest report about control
     families: list[Family]
+    has_left: bool  # begin nothing for it any more
 
     @property
     def fence(self) -> int | None:

@@ -43,13 +43,21 @@ class ServiceCalls(Family):
 
     async def _run(self, call: CallService, service: Service, timeout_s: Number) -> None:
         """Answer within the time that the client gives, if it gives one; the call goes on, and takes its place."""
-        answering = asyncio.ensure_future(_asked(service, call))
+        answering = asyncio.ensure_future(self._asked(service, call))
         try:
             await asyncio.wait({answering}, timeout=timeout_s if timeout_s and timeout_s > 0 else None)
             await self._answer(call, answering.result() if answering.done() else _silent(call, timeout_s))
             await asyncio.wait({answering})
         finally:
             self._pending -= 1
+
+    async def _asked(self, service: Service, call: CallService) -> dict[str, Any] | Refusal:
+        if self.client.has_left:
+            return {}
+        try:
+            return await service(_arguments(call))
+        except NotDone as refused:
+            return refused.refusal
 
     async def _answer(self, call: CallService, answer: dict[str, Any] | Refusal) -> None:
         """Send what the service returned, or why it did not run: clients show that text."""
@@ -65,13 +73,6 @@ class ServiceCalls(Family):
         await self.client.send_as(text, call.compression or "none", size)
         if isinstance(answer, Refusal):
             await self.client.refuse("call_service", answer, call.id)
-
-
-async def _asked(service: Service, call: CallService) -> dict[str, Any] | Refusal:
-    try:
-        return await service(_arguments(call))
-    except NotDone as refused:
-        return refused.refusal
 
 
 def _silent(call: CallService, seconds: Number) -> Refusal:

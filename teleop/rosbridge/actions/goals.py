@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robots.link.client import BridgeLink, Listener
-from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, State, TaskRequest
 from teleop.background.jobs import run_in_background
@@ -75,14 +74,15 @@ class Goals(Listener):
 
     async def begin(self, goal: Goal, given: dict[str, Any]) -> None:
         """Ask for the task of a goal with these fields. Raises NotDone, after its end was told."""
+        if self._client.has_left:
+            return
         try:
             if len(self._goals) > MOST_GOALS:
                 raise NotDone(_TOO_MANY)
             make = goal.action.task(given)
-            goal.before = self._seen()
             if goal.action.reports:
                 await self._reports.listen(goal.name)
-            await self._client.request(lambda fence, seq: _kept(goal, make(fence, seq)))
+            await self._client.request(lambda fence, seq: self._requested(goal, make(fence, seq)))
         except NotDone as refused:
             self._forget(goal)
             await goal.told(goal, End(REJECTED, f"{refused.refusal.code}: {refused.refusal.text}"))
@@ -98,6 +98,11 @@ class Goals(Listener):
         goal.cancelled = True  # if it is not accepted yet, `begin` cancels it
         if goal.status == ACTIVE and goal in self._goals:
             await self._client.request(goal.action.cancel)
+
+    def _requested(self, goal: Goal, request: TaskRequest) -> TaskRequest:
+        """Note what was seen before the request goes: earlier ends are not the goal's."""
+        goal.request, goal.before = request, self._seen()
+        return request
 
     def _seen(self) -> Seen:
         """Return what the bridge told last. Raises NotDone."""
@@ -162,8 +167,3 @@ class Goals(Listener):
         text = say("The link to the robot’s bridge was lost.")
         for goal in [goal for goal in self._goals if goal.status == ACTIVE]:
             self._end(goal, End(ABORTED, f"link_lost: {text}"))
-
-
-def _kept(goal: Goal, request: TaskRequest) -> wire.TaskRequest:
-    goal.request = request
-    return request

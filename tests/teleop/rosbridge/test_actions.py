@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+
 import pytest
 from msgspec import structs
 
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from robots.shared import wire
+from teleop.background import jobs
+from teleop.background.database import in_database
+from teleop.models import ControlSession
 from teleop.rosbridge.actions import goals, reports
+from teleop.tap import feed
 from tests.teleop.support import IDLE, eventually
 from tests.teleop.tap.support import FakeTap
 
@@ -71,6 +78,24 @@ async def test_the_robots_feedback_and_result_come_under_the_clients_id(driver, 
         ended(bridge, 1, "succeeded")
         tap.publish(topics[1], said(f"{wire.GOAL_PREFIX}7-x", result={"error_code": 1}))
         assert (await driver.hears_op("action_result", id="mine"))["values"] == {"error_code": 1}
+    finally:
+        await tap.close()
+
+
+async def test_an_end_before_the_request_is_not_the_goals(driver, bridge, robot, monkeypatch):
+    monkeypatch.setattr(reports, "READY_S", 10.0)
+    tap = FakeTap(robot)
+    try:
+        await sends(driver, "mine")
+        await tap.start(bridge)
+        await tap.until(lambda wanted: "/play_motion/result" in wanted)
+        ended(bridge, 1, "failed")
+        await driver.call("/fleet/renew_control")
+        for part in reports.PARTS:
+            tap.describe(f"/play_motion/{part}")
+        await bridge.hears(wire.Play)
+        ended(bridge, 2, "succeeded")
+        assert (await driver.hears_op("action_result", id="mine"))["status"] == SUCCEEDED
     finally:
         await tap.close()
 
@@ -164,6 +189,25 @@ async def test_a_goal_that_comes_twice_is_done_once(driver, bridge):
     ended(bridge, 1, "succeeded")
     assert (await driver.hears_op("action_result"))["result"]
     assert not [one for one in driver.inbox if one["op"] == "action_result"]
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        {"op": "send_action_goal", "id": "mine", "args": {"motion_name": "wave"}, **PLAY},
+        {"op": "call_service", "service": "/republish_tfs", "args": {"source_frames": ["a"]}},
+        {"op": "call_service", "service": "/fleet/take_control"},
+    ],
+)
+async def test_nothing_begins_for_a_client_that_left(last, open_client, bridge):
+    client = await open_client("operator")
+    await client.call("/fleet/renew_control")
+    left = client.close()
+    client._socket.input_queue.put_nowait({"type": "websocket.receive", "text": json.dumps(last)})
+    await left
+    await asyncio.gather(*jobs._running)
+    assert not feed._feeds
+    assert not await in_database(ControlSession.objects.exists)
 
 
 async def test_goals_end_with_the_link(driver, bridge):
