@@ -6,8 +6,11 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
+from typing import TypeVar
 
 from robots.bridge.robot.interface import Node
+
+P = TypeVar("P")
 
 
 class RobotPart:
@@ -34,6 +37,24 @@ def kinds_in(folder: ModuleType) -> list[type[RobotPart]]:
     return [kind for kind in RobotPart.__subclasses__() if kind.__module__.startswith(f"{folder.__name__}.")]
 
 
-def parts_of(node: Node, kinds: Sequence[type[RobotPart]]) -> list[RobotPart]:
-    """Make the parts that the robot's profile has."""
-    return [part for kind in kinds if (part := kind.of(node))]
+class Parts:
+    """The parts of one robot, of which some are there from the `first`."""
+
+    def __init__(self, kinds: Sequence[type[RobotPart]], *first: object) -> None:
+        self._kinds = kinds
+        self._first = first
+        self.connected: Sequence[RobotPart] = ()
+        self._found: dict[type, object] = {}  # by what they do
+
+    def connect(self, node: Node) -> None:
+        """Make the parts that the robot's profile has."""
+        self.connected = [part for kind in self._kinds if (part := kind.of(node))]
+
+    def find(self, kind: type[P]) -> P | None:
+        """Return the part that does this; None: the robot has none, or is not connected yet."""
+        if kind not in self._found:
+            found = next((part for part in (*self._first, *self.connected) if isinstance(part, kind)), None)
+            if found is None:
+                return None
+            self._found[kind] = found
+        return self._found[kind]  # type: ignore[return-value]

@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,13 +22,15 @@ from geometry_msgs.msg import Twist, TwistStamped
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
 from robots.bridge.robot.descriptions import Descriptions
+from robots.bridge.robot.inputs import Inputs
 from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.memory import end_without_memory
 from robots.bridge.robot.on_demand_topics import OnDemandTopics
-from robots.bridge.robot.parts import RobotPart, kinds_in, parts_of
+from robots.bridge.robot.parts import Parts, kinds_in
 from robots.bridge.robot.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.diagnostics import statuses
+from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.robot.surveys import MOST_LOOKED_UP, Surveys
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
@@ -48,7 +50,6 @@ from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.holder_tasks import HolderTasks
-from robots.bridge.tasks.input_routing import InputSwitch
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.configuration.robot_ros import ros1
 from robots.shared.geometry.poses import STILL, Pose, Velocity
@@ -73,14 +74,13 @@ DIAGNOSED_S = 0.5  # between reads of diagnostics: nodes report once a second
 RESTS_S, SONAR_RESTS_S = 0.1, 0.2
 
 
-class RosBase(InputSwitch):
+class RosBase:
     """The robot's ROS interface for `Core`. Passes data from rospy's threads to `Core` on the event loop."""
 
     def __init__(self, config: BridgeConfig) -> None:
         self.config = config
         self._master = Master(ros1(config.ros).master_uri, BRIDGE)
         self.parameters: RobotParameters = MasterParameters(self._master)
-        self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
         self._acknowledgements: Acknowledgements | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
@@ -88,8 +88,6 @@ class RosBase(InputSwitch):
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
         self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
-        self.parts: Sequence[RobotPart] = ()
-        self._found: dict[type, object] = {}  # parts by what they do
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._topic_worker = Worker("topics")
@@ -99,6 +97,8 @@ class RosBase(InputSwitch):
         self.mail, self.post = self._reception.mail, self._reception.post
         self._surveys = Surveys(config, self._reception, self._master.system_state, self._master.node_uri)
         self.find_listener = self._surveys.find_listener
+        self._inputs = Inputs(config.topics.drive.name, self._reception, self._topic_worker, self._connect)
+        self.parts = Parts(PARTS, self._inputs)
         self._descriptions = Descriptions(config.topics, self._description, self.posture, self._reception)
         self._on_lost: Callable[[bool], None]
 
@@ -119,12 +119,7 @@ class RosBase(InputSwitch):
 
     def part(self, kind: type[P]) -> P | None:
         """Return the part that does this; None: the robot has none, or is not connected yet."""
-        if kind not in self._found:
-            found = next((part for part in (self, *self.parts) if isinstance(part, kind)), None)
-            if found is None:
-                return None
-            self._found[kind] = found
-        return self._found[kind]  # type: ignore[return-value]
+        return self.parts.find(kind)
 
     def joint(self, name: str) -> float | None:
         """Return the position of a joint (rad or m); None if it was not reported lately."""
@@ -145,15 +140,12 @@ class RosBase(InputSwitch):
         """Return how long (s) the robot's computer takes to acknowledge a twist; None if nothing is new."""
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
-    def drive_to(self, topic: str) -> None:
-        self._drive_topic = topic
-
     def cancel_all(self) -> None:
         """Cancel the goals of all clients, as an emergency stop must: with an empty goal id."""
         cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
-        for part in self.parts:
+        for part in self.parts.connected:
             cancels += part.cancels
         for cancel in cancels:
             try:
@@ -165,14 +157,10 @@ class RosBase(InputSwitch):
         """Return the newest transform from map to odometry and its stamp, if a person drives."""
         return self._tf.located() if self._tf else None
 
-    def attend(self, use: Use, topics: frozenset[str]) -> None:
-        """Connect to these topics of a use and to no others. A worker thread does it, since it calls the master."""
-        self._topic_worker.do(lambda: self._attend(use, topics))
-
     @property
     def _drive(self) -> rospy.Publisher | None:
         """Return the publisher that twists use now."""
-        return self._drives.get(self._drive_topic)
+        return self._drives.get(self._inputs.drive)
 
     @property
     def listeners(self) -> int:
@@ -265,11 +253,11 @@ class RosBase(InputSwitch):
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancelled
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
-        self.parts = parts_of(self, PARTS)
+        self.parts.connect(self)
         if self.posture and topics.joint_states:
-            posture = PostureTopics(self.posture, self._reception.posture if topics.arm else None)
+            joints = JointReception(self.posture, self._reception.posture if topics.arm else None)
             motions = topics.motions if topics.arm and topics.arm.postures else None
-            posture.subscribe(topics.joint_states, motions)
+            PostureTopics(joints).subscribe(topics.joint_states, motions)
         self._descriptions.read()
         depth, view = topics.depth, self.config.gate.depth
         if depth and view:
@@ -294,10 +282,10 @@ class RosBase(InputSwitch):
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state. Read missing data, since the robot may start after its master."""
-        self._surveys.surveyed(system, self._drive_topic, self._problems(system))
+        self._surveys.surveyed(system, self._inputs.drive, self._problems(system))
         self._follow_clock(system)
         self._descriptions.surveyed(system)
-        for part in self.parts:
+        for part in self.parts.connected:
             part.surveyed()
 
     def _follow_clock(self, system: SystemState) -> None:
@@ -327,15 +315,6 @@ class RosBase(InputSwitch):
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
 
-    def _attend(self, use: Use, topics: frozenset[str]) -> None:
-        """Connect on the worker thread, and report the result in any case: `routing` counts the answers."""
-        connected = None
-        try:
-            self._connect(use, topics)
-            connected = topics
-        finally:
-            self.post(lambda: self.tasks.routing.attended(use, connected, time.monotonic()))
-
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
             for name in topics - self._drives.keys():
@@ -359,7 +338,7 @@ class RosBase(InputSwitch):
         if self._tf is not None and self._tf.frames.is_full:
             problems.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
-        drive = Topic(self._drive_topic, topics.drive.type)
+        drive = Topic(self._inputs.drive, topics.drive.type)
         if unconnected := self._unconnected(drive, system.subscribers.get(drive.name, [])):
             problems.append(unconnected)
         return problems

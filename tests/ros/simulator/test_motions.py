@@ -235,7 +235,7 @@ def test_leaving_a_topic_hides_no_cancel(ros, rosmaster):
             ros.listen("/kept_tts/cancel", GoalID) as texts,
         ):
             ros.connected(motions, texts)
-            base.parts = (motion_actions, speech)
+            base.parts.connected = (motion_actions, speech)
             motion_actions._actions["/left_play"].close()
             speech._voices["/left_tts"].close()
             base.cancel_all()

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from types import SimpleNamespace
 
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist
 
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.node import RosBase
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed, Topic
 from robots.shared.ros.master import Master
 from robots.shared.ros.message_types.classes import message_class
-from tests.bridge.support import CONFIG
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
@@ -199,20 +196,3 @@ def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simu
         hand.until(lambda report: not isinstance(report, wire.Offers), "all earlier reports are read")
         master.start()
         hand.until(has_motions, "motions again")
-
-
-def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
-    def fails(_name):
-        raise ValueError("no answer of a master's")
-
-    changes = []
-    base = RosBase(CONFIG)
-    base._reception.core = SimpleNamespace(
-        tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: changes.append(how)))
-    )
-    monkeypatch.setattr(base, "post", lambda later: later())
-    monkeypatch.setattr(base, "_drive_publisher", fails)
-    with pytest.raises(ValueError, match="no answer"):
-        base._attend("drive", frozenset({"/key_vel", "/phone_vel"}))
-    [(use, connected, _)] = changes
-    assert (use, connected) == ("drive", None)

@@ -7,8 +7,9 @@ import msgspec
 import pytest
 import rospy
 
-from robots.bridge.robot.parts import parts_of
-from robots.bridge.ros.node import PARTS, RosBase
+from robots.bridge.robot.inputs import Inputs
+from robots.bridge.robot.parts import Parts
+from robots.bridge.ros.node import PARTS
 from robots.registry.configuration.robot_config import profile_topics
 from robots.registry.models import RobotProfile
 from robots.registry.shipped_profiles import profile_files
@@ -41,7 +42,9 @@ def topics(monkeypatch):
 
 def parts(bench):
     """The robot's parts over ROS."""
-    return parts_of(Mock(config=bench.core.config, tasks=bench.core.tasks), PARTS)
+    found = Parts(PARTS)
+    found.connect(Mock(config=bench.core.config, tasks=bench.core.tasks))
+    return found.connected
 
 
 def ending(topics, end):
@@ -74,5 +77,5 @@ def test_the_robot_has_every_part_that_tasks_ask_for(topics, monkeypatch):
         bench.ask(order)
         bench.obeys()
         bench.core.stop("Bob", "", bench.now_s)
-    has = [RosBase, *map(type, parts(bench))]
+    has = [Inputs, *map(type, parts(bench))]
     assert [kind for kind in asked if not any(issubclass(part, kind) for part in has)] == []

@@ -1,23 +1,19 @@
-"""The arm's posture from joint states and goals, message by message. Needs no master."""
+"""The arm's posture from joint states and goals, message by message."""
 
 from __future__ import annotations
 
-import io
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from actionlib_msgs.msg import GoalStatus
-from sensor_msgs.msg import JointState
 
 from robots.bridge.arm.posture import END_M, HAND_M, MOST_LINKS, SHOULDER_M, ArmPosture
 from robots.bridge.arm.tree import Tree
 from robots.bridge.gate.arm.discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.ros.sensors import posture_topics
-from robots.bridge.ros.sensors.posture_topics import PostureTopics
+from robots.bridge.robot.sensors import joints
+from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.tasks.motions import recorded
 from robots.shared.configuration.bridge_config import ArmSource
 from robots.simulator.joints.joint_table import HOME, JOINTS
@@ -79,34 +75,27 @@ def test_why_the_arms_position_is_unknown():
 
 
 class Listener:
-    """The arm's topics without a master, with a fake clock."""
+    """The arm's messages, with a fake clock."""
 
     def __init__(self, monkeypatch):
         self.now_s = 100.0
         self.postures = []
-        monkeypatch.setattr(posture_topics.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(joints.time, "monotonic", lambda: self.now_s)
         self.use(ARM)
 
     def use(self, source):
         self.posture = ArmPosture(source)
-        self.topics = PostureTopics(self.posture, lambda arm, _: self.postures.append(arm))
-
-    def joints(self, **positions):
-        raw = io.BytesIO()
-        JointState(name=list(positions), position=list(positions.values())).serialize(raw)
-        self.topics._on_joints(SimpleNamespace(_buff=raw.getvalue()))
+        self.reception = JointReception(self.posture, lambda arm, _: self.postures.append(arm))
 
     def begun(self, goal_id, motion):
-        goal = SimpleNamespace(motion_name=motion)
-        self.topics._begun(SimpleNamespace(goal_id=SimpleNamespace(id=goal_id), goal=goal))
+        self.reception.begun(goal_id, motion)
 
-    def ended(self, goal_id, status=GoalStatus.SUCCEEDED):
-        status = SimpleNamespace(goal_id=SimpleNamespace(id=goal_id), status=status)
-        self.topics._ended(SimpleNamespace(status=status))
+    def ended(self, goal_id, succeeded=True):
+        self.reception.ended(goal_id, succeeded)
 
     def after(self, seconds=0.2, **positions):
         self.now_s += seconds
-        self.joints(**positions)
+        self.reception.joints(positions.items())
         return self.postures[-1]
 
 
@@ -145,7 +134,7 @@ def test_a_finished_motion_leaves_the_arm_as_its_table_says(arm):
     arm.ended("a")
     assert arm.after(shoulder=1.0, elbow=0.0) == OFFERED
     arm.begun("b", "offer")
-    arm.ended("b", GoalStatus.ABORTED)
+    arm.ended("b", False)
     assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
 
 

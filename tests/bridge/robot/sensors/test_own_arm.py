@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sensor_msgs.msg import JointState
 
 from robots.bridge.arm.clearance import ArmClearance
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.arm.tree import Tree
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.ros.sensors import posture_topics
-from robots.bridge.ros.sensors.posture_topics import PostureTopics
+from robots.bridge.robot.sensors import joints
+from robots.bridge.robot.sensors.joints import JointReception
 from robots.simulator.joints.joint_table import HOME
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
 from tests.ros.tiago_arm import ARM, DESCRIPTION, JOINTS, without_hand
@@ -32,11 +30,11 @@ class Robot:
     def __init__(self, monkeypatch, description):
         self.looker = Looker([FLOOR], has_arm=True)
         self.looker.to_base = camera(LOOK_AHEAD)
-        monkeypatch.setattr(posture_topics.time, "monotonic", lambda: self.looker.now_s)
+        monkeypatch.setattr(joints.time, "monotonic", lambda: self.looker.now_s)
         self.posture = ArmPosture(ARM)
         self.posture.describe(description)
         self.posture.awaits_description = False  # as the node notes when the master has answered
-        self.topics = PostureTopics(self.posture, self.looker.gate.observe_posture)
+        self.reception = JointReception(self.posture, self.looker.gate.observe_posture)
         arm = SimpleNamespace(
             arm=lambda: self.posture.arm(self.looker.now_s),
             arm_problem=lambda: self.posture.problem(self.looker.now_s),
@@ -54,13 +52,11 @@ class Robot:
         self.at = there
 
     def _step(self, at):
-        joints = HOME | dict(zip(JOINTS, at, strict=True))
-        lines = Tree(DESCRIPTION).places(ARM.links, joints)
+        at_joints = HOME | dict(zip(JOINTS, at, strict=True))
+        lines = Tree(DESCRIPTION).places(ARM.links, at_joints)
         places = np.concatenate([np.linspace(a, b, 3) for a, b in pairwise(lines)])
         self.looker.boxes = [FLOOR, *((place - HALF_M, place + HALF_M) for place in places)]
-        raw = io.BytesIO()
-        JointState(name=list(joints), position=list(joints.values())).serialize(raw)
-        self.topics._on_joints(SimpleNamespace(_buff=raw.getvalue()))
+        self.reception.joints(at_joints.items())
         self.looker.stand(0.1)
 
     def why_not_home(self):
