@@ -22,7 +22,7 @@ from teleop.rosbridge.clients.post import post_of
 from teleop.rosbridge.family import Client
 from teleop.rosbridge.operations import ActionFeedback, ActionResult, Id, SendActionGoal
 
-MOST_GOALS = 20  # of one client's actions at once
+MOST_GOALS = 20  # of one client's actions at once; the same of those that one client sent to others
 
 _BUSY = Refusal("busy", "Too many goals at once: wait for the ends of others.", "wire")
 _NO_GOAL = Refusal("no_goal", "No goal with this id is under way.", "wire")
@@ -83,6 +83,8 @@ class ClientActions:
     async def send(self, server: Address, name: str, goal: SendActionGoal, args: dict[str, Any]) -> None:
         """Send a goal to the client that offers this action. Raises NotDone."""
         id_ = str(goal.id)
+        if len(self._sent) >= MOST_GOALS:
+            raise NotDone(_BUSY)
         self._sent[id_] = _Sent(server, name)
         try:
             await self._post.send(self._address, server, Goal(id_, name, args, goal.feedback))
@@ -145,7 +147,7 @@ class ClientActions:
 
     async def _cancel_came(self, by: Address, cancel: Cancel) -> None:
         """Pass a cancel to this client, which decides how the goal ends."""
-        for number, taken in self._taken.items():
+        for number, taken in list(self._taken.items()):
             if (taken.by, taken.id) == (by, cancel.id):
                 await self.client.send(_told("cancel_action_goal", number, taken.own))
 

@@ -11,7 +11,7 @@ from fleet.audit.models import Record
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
-from teleop.rosbridge.clients import services
+from teleop.rosbridge.clients import actions, services
 from teleop.rosbridge.service_calls import MOST_PENDING
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -27,6 +27,7 @@ def allowed(allow):
         Allowed("set", "/volume", "", "", "staff"),
         Allowed("call", ADD, "lab_srvs/Add", "", "operator"),
         Allowed("call", "/fleet/clients/count", "lab_msgs/CountAction", "", "operator"),
+        Allowed("call", "/fleet/clients/other", "lab_msgs/CountAction", "", "operator"),
         Allowed("call", "/fleet/clients/boss", "lab_srvs/Add", "", "supervisor"),
     )
 
@@ -270,6 +271,20 @@ async def test_a_clients_action_takes_goals_of_other_clients(open_client, bridge
     assert (result["values"], result["status"], result["result"]) == ({"at": 2}, 5, True)
     await server.send("action_result", id=taken["id"], action="/count", values={}, result=True)
     await server.told("no_goal")
+
+
+async def test_the_goals_that_one_client_sends_to_others_are_limited(open_client, bridge, monkeypatch):
+    monkeypatch.setattr(actions, "MOST_GOALS", 1)
+    for name in ("count", "other"):
+        server = await open_client("operator")
+        await server.send("advertise_action", action=name, type="lab_msgs/CountAction")
+        await server.call("/fleet/renew_control")
+    asker, more = await open_client("second_operator"), await open_client("second_operator")
+    await asker.send("send_action_goal", id="1", action="/fleet/clients/count", args={})
+    await asker.send("send_action_goal", id="2", action="/fleet/clients/other", args={})
+    assert (await asker.hears_op("action_result", id="2"))["values"].startswith("busy: ")
+    await more.send("send_action_goal", id="1", action="/fleet/clients/other", args={})
+    await server.hears_op("send_action_goal")
 
 
 async def test_a_goal_ends_when_the_client_that_took_it_leaves(open_client, bridge):
