@@ -29,7 +29,6 @@ from robots.bridge.maps.map_fetch import MapFetcher
 from robots.bridge.recorder.erasing.file_cuts import FileCuts
 from robots.bridge.recorder.files.file_changes import FileChanges
 from robots.bridge.recorder.recorder_client import RecorderClient
-from robots.bridge.robot.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.robot.sides import side
 from robots.bridge.served.client import CAMERA, SHELF, TAP, ProcessClient
 from robots.bridge.server.link_server import LinkServer
@@ -42,6 +41,7 @@ from robots.shared.configuration.watchdog_config import lane_path
 from robots.shared.link.pending_stops import PendingStops, WaitingStop, name_of
 from robots.shared.maps.goal_map import GoalMap
 from robots.shared.processes import last_words
+from robots.shared.processes.memory import end_without_memory, lift_limit, limit_memory
 from robots.shared.processes.scheduling import Garbage, ask_for_priority
 from robots.shared.processes.shutdown import (
     EXIT_ALREADY_RUNNING,

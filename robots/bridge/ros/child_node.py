@@ -11,11 +11,11 @@ from pathlib import Path
 
 import rospy
 
-from robots.bridge.robot.memory import end_without_memory
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.bounds.install import install
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.robot_ros import ros1
+from robots.shared.processes.memory import end_without_memory
+from robots.shared.processes.vital import start_vital
 from robots.shared.ros.master import DeathWatch
 
 log = logging.getLogger(__name__)

@@ -24,14 +24,13 @@ from robots.bridge.core import Core
 from robots.bridge.robot.descriptions import Descriptions
 from robots.bridge.robot.inputs import Inputs
 from robots.bridge.robot.interface import RobotParameters, RobotSide
-from robots.bridge.robot.memory import end_without_memory
-from robots.bridge.robot.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.network.surveys import MOST_LOOKED_UP, Surveys
 from robots.bridge.robot.parts import Parts, kinds_in
 from robots.bridge.robot.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.diagnostics import statuses
 from robots.bridge.robot.sensors.joints import JointReception
-from robots.bridge.robot.surveys import MOST_LOOKED_UP, Surveys
+from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros import tasks
@@ -54,6 +53,7 @@ from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.configuration.robot_ros import ros1
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.graph import SystemState, is_own
+from robots.shared.processes.memory import end_without_memory
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.ros.master import Master, MasterError, why_silent
 from robots.shared.ros.message_types.classes import message_class

@@ -19,12 +19,12 @@ from typing import Any, Protocol
 
 import msgspec
 
-from robots.bridge.robot.memory import limit_memory
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.served.client import SILENCE_S
 from robots.bridge.served.server import ProcessServer
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.processes.memory import limit_memory
 from robots.shared.processes.shutdown import exit_within
 
 END_S = 1.5  # until the process must have ended, after the end of stdin

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from robots.bridge.robot.memory import limit_memory
 from robots.bridge.robot.sides import stop_side
 from robots.bridge.watchdog.rules import CANCEL_AGAIN_S, Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
 from robots.shared import wire
 from robots.shared.configuration.watchdog_config import WatchdogConfig
+from robots.shared.processes.memory import limit_memory
 from robots.shared.processes.scheduling import ask_for_priority
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.sentences import catalogued

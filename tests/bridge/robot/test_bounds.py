@@ -45,7 +45,7 @@ def test_a_publisher_that_a_full_board_drops_is_tried_again():
 
 GREEDY = """
 import sys
-from robots.bridge.robot.memory import limit_memory
+from robots.shared.processes.memory import limit_memory
 limit_memory(200 * 1024 * 1024)
 kept = []
 try:

@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 from fleet.site.management.commands.seed_demo import seed_map
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
-from robots.bridge.robot.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
 from robots.bridge.robot.worker import Worker
 from robots.bridge.ros.sensors.map import read_map
 from robots.bridge.ros.sensors.tf import TfTopics

@@ -19,9 +19,9 @@ from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServ
 from rospy.impl.registration import get_topic_manager
 
 from robots.bridge.robot.board import BOARD
-from robots.bridge.robot.memory import end_without_memory
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.processes.memory import end_without_memory
 from robots.shared.sentences import say
 from robots.shared.texts import NAME, SENTENCE, cut
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 from robots.bridge.camera.picture_server import PictureServer
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.camera.producer import Producer
 from robots.bridge.ros.child_node import joined
 from robots.bridge.served.process import Call, run
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import CAMERA
+from robots.shared.processes.vital import start_vital
 
 NICE = 3
 MOST_BYTES = 1024 * 1024 * 1024  # of memory

@@ -14,13 +14,13 @@ import threading
 
 import msgspec
 
-from robots.bridge.robot.memory import limit_memory
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.inspector.requests import Inspector
 from robots.bridge.topics.inspector_messages import Ready
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.processes.memory import limit_memory
 from robots.shared.processes.shutdown import exit_within
+from robots.shared.processes.vital import start_vital
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 1536 * 1024 * 1024  # of memory: people view messages of tens of megabytes

@@ -15,9 +15,9 @@ from functools import partial
 
 import rospy
 
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.inspector.definitions import Definition
 from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
+from robots.shared.processes.vital import start_vital
 from robots.shared.ros.master import Master, MasterError
 
 LISTENERS_S = 1.0  # a topic's first message waits at most this long for listeners to connect

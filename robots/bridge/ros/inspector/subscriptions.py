@@ -18,12 +18,12 @@ import rospy
 from msgspec.structs import replace
 
 from robots.bridge.robot.board import BOARD
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.shared import wire
 from robots.shared.messages.packing import Broken, Detail, TooLarge
+from robots.shared.processes.vital import start_vital
 from robots.shared.sentences import reason_of, say
 
 log = logging.getLogger(__name__)

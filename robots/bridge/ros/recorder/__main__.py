@@ -18,15 +18,15 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.recorder.recorder import Recorder
-from robots.bridge.robot.memory import limit_memory
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros import child_node
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.recorder.reading import Reading
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import RECORDER
+from robots.shared.processes.memory import limit_memory
 from robots.shared.processes.shutdown import exit_within
+from robots.shared.processes.vital import start_vital
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 512 * 1024 * 1024  # of memory

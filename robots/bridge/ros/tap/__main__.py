@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from robots.bridge.robot.vital import start_vital
 from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.tap.source import Source
@@ -13,6 +12,7 @@ from robots.bridge.served.process import Call, run
 from robots.bridge.tap.tap_server import TapServer
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import TAP
+from robots.shared.processes.vital import start_vital
 
 NICE = 3
 MOST_BYTES = 1536 * 1024 * 1024  # of memory

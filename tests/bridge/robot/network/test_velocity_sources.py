@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.robot.velocity_sources import velocity_sources
+from robots.bridge.robot.network.velocity_sources import velocity_sources
 from robots.shared.graph import SystemState
 
 TWIST, ODOMETRY = "geometry_msgs/Twist", "/mobile_base_controller/odom"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from robots.bridge.robot.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
 
 
 class AtOnce:
