@@ -279,7 +279,7 @@ class RosbridgeConsumer(ControllingSocket):
     def _press_stop(self) -> bool:
         """Send the stop. It counts for the flood limit, but is never refused. Return whether it exceeds the limit."""
         flood = not self.spend()
-        self.stop_button.press(self.hub.link, flood=flood)
+        self.stop_answer = self.stop_button.press(self.hub.link, flood=flood)
         return flood
 
     def on_message_at_once(self, raw: str) -> bool:
@@ -294,7 +294,7 @@ class RosbridgeConsumer(ControllingSocket):
         if isinstance(operation, operations.Fragment):
             raise NotDone(_NESTED)
         if isinstance(operation, operations.CallService) and self._is_stop(operation.service):
-            self.stop_button.press(self.hub.link)
+            self.stop_answer = self.stop_button.press(self.hub.link)
         elif self._must_wait(operation):
             await self._wait(operation)
             return

@@ -12,7 +12,7 @@ from uuid import UUID
 from django.db import DatabaseError
 
 from robots.link.stop_delivery import SILENT
-from robots.shared.wire import Control, NotDone
+from robots.shared.wire import Control, NotDone, Stopped
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
@@ -20,6 +20,7 @@ from teleop.control.scopes import ACTING
 from teleop.live.control_holder import ControlHolder
 from teleop.rosbridge.family import Client, Family, Service
 from teleop.rosbridge.publishing import Publishing
+from teleop.stop.presses import Pending
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +45,7 @@ class ControlServices(Family):
 
     def service(self, name: str) -> Service | None:
         if name == STOP:
-            return _stopped  # the consumer has sent it
+            return self._stopped
         step = self._services.get(name)
         return None if step is None else lambda _arguments: self._change(step)
 
@@ -53,6 +54,17 @@ class ControlServices(Family):
 
     def control_changed(self, control: Control) -> None:
         self._news.set()
+
+    async def _stopped(self, _arguments: dict[str, Any]) -> dict[str, Any]:
+        """Answer when the stop, which the consumer has sent, is confirmed. Raises NotDone if it is not yet."""
+        answer = asyncio.shield(asyncio.wrap_future(self.client.stop_answer))
+        try:
+            result = await asyncio.wait_for(answer, ANSWER_S)
+        except TimeoutError as error:
+            raise NotDone(SILENT) from error
+        if isinstance(result, Stopped):
+            return {}
+        raise NotDone(result.refusal if isinstance(result, Pending) else result)
 
     async def _change(self, step: Callable[[ControlHolder], Awaitable[None]]) -> dict[str, Any]:
         self.client.require(*ACTING)
@@ -117,7 +129,3 @@ async def _undo(control: ControlHolder, taking: asyncio.Future[UUID]) -> None:
     """Give back what is taken for a client that is gone."""
     with suppress(NotDone, DatabaseError):
         control.undo_take(await taking)
-
-
-async def _stopped(_arguments: dict[str, Any]) -> dict[str, Any]:
-    return {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping
+from concurrent.futures import Future
 from typing import Any, Protocol
 
 from fleet.accounts.models import User
@@ -12,6 +13,7 @@ from teleop.control.status import Rights
 from teleop.live.control_holder import ControlHolder
 from teleop.live.robot_hub import RobotHub
 from teleop.rosbridge.operations import Id, Operation
+from teleop.stop.presses import Result
 
 # Acts on one operation. Raises `NotDone` if it refuses it. Must not wait for slow work.
 Handler = Callable[[Any], Awaitable[None]]
@@ -30,6 +32,7 @@ class Client(Protocol):
     control_told: Control | None  # the newest report about control
     families: list[Family]
     has_left: bool  # begin nothing for it any more
+    stop_answer: Future[Result]  # of its newest stop
 
     @property
     def fence(self) -> int | None:

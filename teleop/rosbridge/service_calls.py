@@ -33,7 +33,7 @@ class ServiceCalls(Family):
         if service is None:
             text = say("{name} is not on the allow-list for this. Ask the staff.", name=name)
             await self._answer(call, Refusal("not_allowed", text, "robot", {"name": name}))
-        elif self._pending >= MOST_PENDING and name != STOP:
+        elif self._pending >= (2 * MOST_PENDING if name == STOP else MOST_PENDING):
             await self._answer(call, BUSY)
         else:
             self._pending += 1
@@ -55,7 +55,7 @@ class ServiceCalls(Family):
         if self.client.has_left:
             return {}
         try:
-            return await service(_arguments(call))
+            return await service({} if full_name(call.service) == STOP else _arguments(call))
         except NotDone as refused:
             return refused.refusal
 
@@ -71,7 +71,7 @@ class ServiceCalls(Family):
         text = wire.encode(response if call.id is None else {**response, "id": call.id}).decode()
         size = int(call.fragment_size) if call.fragment_size and call.fragment_size >= 1 else None
         await self.client.send_as(text, call.compression or "none", size)
-        if isinstance(answer, Refusal):
+        if isinstance(answer, Refusal) and full_name(call.service) != STOP:  # its button tells and records it
             await self.client.refuse("call_service", answer, call.id)
 
 

@@ -139,8 +139,8 @@ class StopButton:
         self._through = through
         self._failed = failed
 
-    def press(self, link: BridgeLink, *, flood: bool = False) -> None:
-        """Stop the robot behind `link`."""
+    def press(self, link: BridgeLink, *, flood: bool = False) -> Future[Result]:
+        """Stop the robot behind `link`. Return its answer, or that of an earlier press."""
         if self._is_cleared(link):
             self._first_press = uuid4()
         if self._answer is None:
@@ -149,6 +149,7 @@ class StopButton:
             self._again = True  # flood, or no link: press once more after the running press has its answer
         pressed = Press(self._user, self._through, link.robot_id, self._first_press, self._answer)
         asyncio.get_running_loop().call_soon(press_records.add, pressed)  # only after the press is sent
+        return self._answer
 
     def _is_cleared(self, link: BridgeLink) -> bool:
         """Return whether the robot is not stopped, so that a press now is no repeat.

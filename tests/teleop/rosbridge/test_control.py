@@ -255,14 +255,25 @@ async def test_driving_needs_the_scope(open_client, bridge):
 
 async def test_anybody_who_sees_the_robot_stops_it(open_client, bridge):
     client = await open_client("observer", scopes=(Scope.TOPICS,))
-    assert (await client.call("/fleet/stop"))["result"]
+    await client.send("call_service", service="/fleet/stop", args=["now"], id="stop")
+    assert (await client.hears_op("service_response", id="stop"))["result"]
     assert (await bridge.hears(wire.LinkStop)).by
+
+
+async def test_a_stop_that_is_not_confirmed_fails_with_the_reason(open_client, bridge, monkeypatch):
+    monkeypatch.setattr("robots.link.client.STOP_S", 0.05)
+    client = await open_client("observer")
+    await bridge.close()
+    answer = await client.call("/fleet/stop")
+    assert (answer["result"], answer["values"][:9]) == (False, "pending: ")
+    statuses = [one["msg"] for one in client.inbox if one["op"] == "status"]
+    assert len([text for text in statuses if text.startswith("pending: ")]) == 1
 
 
 @pytest.mark.parametrize("field", ["args", "timeout", "compression", "fragment_size", "id"])
 async def test_a_stop_that_is_not_valid_is_refused_but_stops(open_client, bridge, field):
     client = await open_client("observer", scopes=(Scope.TOPICS,))
-    await client.send("call_service", **({"service": "fleet/stop", "id": 5} | {field: [["x"] * 300]}))
+    await client.send("call_service", **({"service": "fleet/stop", "id": 5} | {field: True}))
     await bridge.hears(wire.LinkStop)
     await client.told("invalid")
 
