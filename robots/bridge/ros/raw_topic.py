@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import rospy
 
 from robots.bridge.ros.bounds.listening import pause
-from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.sensors.raw_bytes import BUFFER_BYTES
 from robots.bridge.tap.arrivals import Kind
+from robots.bridge.topics.inspector.declined import Declined
+from robots.shared.messages.definition import Definition
 from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal
 

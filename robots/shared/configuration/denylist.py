@@ -5,7 +5,7 @@ does not hide the purpose of a topic. Types are checked as well, because a robot
 doubt, deny.
 
 The registry refuses a denied entry. `admissible` leaves such entries out when the registry, `holder_tasks.py` or the
-inspector takes a configuration. `ros/inspector/requests.py` checks each message, call and parameter.
+inspector takes a configuration. `topics/inspector/requests.py` checks each message, call and parameter.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import (
     DEEPEST,
     LARGEST_TEXT,
@@ -15,7 +14,9 @@ from robots.bridge.ros.inspector.definitions import (
     Definitions,
     installed,
     parsed,
+    sums,
 )
+from robots.bridge.topics.inspector.declined import Declined
 from robots.shared.ros.message_types.classes import message_class
 
 HEADER, POSE = "std_msgs/Header", "geometry_msgs/Pose"
@@ -109,7 +110,7 @@ def test_a_text_without_the_types_it_uses_is_completed(tmp_path: Path, text: str
     known = parsed(LEVEL, WHOLE)
     header = {"type": LEVEL, "md5sum": known.md5, "message_definition": text}
     found = Definitions(tmp_path).of_connection(header)
-    assert (found.fields, found.sums) == (known.fields, known.sums)
+    assert (found.fields, sums(found)) == (known.fields, sums(known))
     assert Definitions(tmp_path).of_type(LEVEL).md5 == known.md5  # it is kept as a whole
 
 
@@ -137,8 +138,8 @@ def test_a_text_that_ours_completes_to_another_sum_is_refused(tmp_path: Path) ->
 def test_every_message_within_a_definition_has_its_sum() -> None:
     header, pose, stamped = (installed(kind) for kind in (HEADER, POSE, f"{POSE}Stamped"))
     assert header is not None and pose is not None and stamped is not None
-    assert {header.md5, pose.md5, stamped.md5} < stamped.sums
-    assert parsed(LEVEL, f"float64 level\n{BREAK}{POSE}\nbool unused\n").sums == {
+    assert {header.md5, pose.md5, stamped.md5} < sums(stamped)
+    assert sums(parsed(LEVEL, f"float64 level\n{BREAK}{POSE}\nbool unused\n")) == {
         parsed(LEVEL, "float64 level\n").md5
     }
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import parsed
+from robots.bridge.topics.inspector.declined import Declined
 from robots.shared import wire
 
 EMBEDS = f"{'=' * 80}\nMSG: "

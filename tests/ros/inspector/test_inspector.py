@@ -23,8 +23,9 @@ from std_msgs.msg import Bool, Empty, Float64, Header, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from robots.bridge.ros.inspector import graph
-from robots.bridge.ros.inspector.requests import MOST_QUESTIONS, Inspector
-from robots.bridge.ros.inspector.subscriptions import rate_hz
+from robots.bridge.ros.inspector.side import Ros1
+from robots.bridge.topics.inspector.requests import MOST_QUESTIONS, Inspector
+from robots.bridge.topics.inspector.subscriptions import rate_hz
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
@@ -35,13 +36,19 @@ from robots.bridge.topics.inspector_messages import (
 )
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.configuration.bridge_config import Allowed, BridgeConfig
 from robots.shared.configuration.robot_ros import side_command
 from robots.shared.ros.message_types.classes import message_class
 from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros.bridge_support import tiago_config
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
 from tests.ros.support import Master, end
+
+
+def started(config: BridgeConfig, say: Callable[[bytes], None]) -> Inspector:
+    """Return the inspector of a robot, within this process."""
+    return Inspector(config, Ros1(config), say)
+
 
 UNKNOWN = "fleet_test_msgs/Weather"
 UNKNOWN_TEXT = """\
@@ -579,7 +586,7 @@ def test_no_parameter_is_set_while_its_old_value_is_unknown(inspector, rosmaster
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with spoiling(rosmaster) as master:
         master.spoiled["getParam"] = CUT_SHORT
-        lame = Inspector(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
+        lame = started(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
         lame.handle_line(msgspec.json.encode(InspectorQuery(1, wire.SetParameter("/greeting", "after"))))
         assert b"robot_offline" in answers.get(timeout=PATIENCE_S)
     assert rospy.get_param("/greeting") == "before"
@@ -794,7 +801,7 @@ def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, ros
         return wire.Graph([], [], [], seq)
 
     monkeypatch.setattr(graph, "graph", waits)
-    asked = Inspector(tiago_config(rosmaster, tmp_path), answers.put)
+    asked = started(tiago_config(rosmaster, tmp_path), answers.put)
     for number in range(MOST_QUESTIONS + 1):
         asked.handle_line(wire.encode(wire.LinkQuery(number, wire.ListTopics())))
     for _ in range(MOST_QUESTIONS):

@@ -16,20 +16,22 @@ import rospy
 from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
-from robots.bridge.ros.inspector import requests
-from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.inspector.publishing import Publishers, PublishPermit
-from robots.bridge.ros.inspector.subscriptions import Subscriptions
+from robots.bridge.ros.inspector.node import Node
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
+from robots.bridge.topics.inspector import requests
+from robots.bridge.topics.inspector.declined import Declined
+from robots.bridge.topics.inspector.publishing import Publishers, PublishPermit
+from robots.bridge.topics.inspector.subscriptions import Subscriptions
 from robots.bridge.topics.inspector_client import HALT_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
 from robots.shared import wire
 from robots.shared.ros.master import Master
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import tiago_config
-from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
+from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, started, talking
 from tests.ros.support import Inbox
 from tests.ros.test_bridge import serves_deaf
 
@@ -143,8 +145,8 @@ def test_requests_without_a_waiting_asker_are_dropped(inspector):
 
 def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
-    find, calls = requests.services.find, []
+    inspector = started(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
+    find, calls = services.find, []
 
     def find_late(master, name):
         service = find(master, name)
@@ -152,7 +154,7 @@ def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monke
         return service
 
     late = threading.Event()
-    monkeypatch.setattr(requests.services, "find", find_late)
+    monkeypatch.setattr(services, "find", find_late)
     monkeypatch.setattr(InspectorQuery, "require_time", lambda _: late.is_set() and _too_late())
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
         inspector.handle_line(wire.encode(InspectorQuery(1, wire.CallService("/lamp", {"data": True}), 0.0)))
@@ -166,7 +168,7 @@ def _too_late() -> None:
 
 def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path), said.put)
+    inspector = started(tiago_config(rosmaster, tmp_path), said.put)
     monkeypatch.setattr(requests, "LARGEST_ANSWER", 100)
     inspector.handle_line(wire.encode(InspectorQuery(1, wire.Describe("std_msgs/String"))))
     assert b"too_large" in said.get(timeout=PATIENCE_S)
@@ -203,8 +205,8 @@ def given_up(monkeypatch) -> threading.Event:
     return event
 
 
-def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given_up):
-    looks = Subscriptions(Definitions(tmp_path), lambda *_: None)
+def test_with_the_thread_that_shows_topics_the_process_ends(rosmaster, ros, tmp_path, given_up):
+    looks = Subscriptions(Node(Master(rosmaster.uri, "/test"), Definitions(tmp_path)), lambda *_: None)
     looks.set_subscriptions({"/look/never": NEVER_HZ})
     assert given_up.wait(PATIENCE_S)
     for look in looks._subscriptions.values():
@@ -212,15 +214,16 @@ def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given
 
 
 def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path, given_up):
-    definition = Definitions(tmp_path).of_type("std_msgs/String")
-    talks = Publishers(Master(rosmaster.uri, "/test"))
+    definitions = Definitions(tmp_path)
+    definition = definitions.of_type("std_msgs/String")
+    talks = Publishers(Node(Master(rosmaster.uri, "/test"), definitions))
     talks.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), PublishPermit(), NEVER_HZ)
     assert given_up.wait(PATIENCE_S)
 
 
 def test_a_message_checked_by_another_process_is_checked_again(rosmaster, ros, tmp_path):
     """An inspector that started after the check publishes only topics of the allow-list."""
-    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
+    inspector = started(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
         inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), PublishPermit())
-    assert inspector._node is None
+    assert inspector._joined is None

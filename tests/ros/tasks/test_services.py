@@ -13,8 +13,9 @@ from typing import Any, cast
 import pytest
 
 from robots.bridge.ros.inspector import services
-from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.network.tcpros import Conversation
+from robots.bridge.topics.inspector import calls
+from robots.bridge.topics.inspector.declined import Declined
 from robots.shared.ros.master import Master
 from robots.shared.ros.message_types.classes import service_class
 
@@ -76,11 +77,11 @@ def test_a_service_of_another_version_is_not_called() -> None:
 
 
 def test_an_answer_without_measure_is_not_read() -> None:
-    size = services.LARGEST_ANSWER + 1
+    size = calls.LARGEST_ANSWER + 1
     with serving(service_class(TRIGGER)._md5sum, b"\x01" + struct.pack("<I", size)) as master:
         service = services.find(cast(Master, master), "/lamp")
         with pytest.raises(Declined) as caught:
-            services.call(service, {}, lambda: None)
+            calls.call(services.exchange, service, {}, lambda: None)
     assert caught.value.refusal.code == "service_lost"
     assert str(size) in caught.value.refusal.text
 
@@ -92,7 +93,7 @@ def test_a_call_that_is_late_by_then_is_not_sent() -> None:
     with serving(service_class(TRIGGER)._md5sum) as master:
         service = services.find(cast(Master, master), "/lamp")
         with pytest.raises(Declined) as caught:
-            services.call(service, {}, too_late)
+            calls.call(services.exchange, service, {}, too_late)
     assert caught.value.refusal.code == "too_old"
     assert master.heard == [b""]  # the client connected, but sent nothing
 
@@ -103,5 +104,5 @@ def test_a_service_that_drips_its_answer_is_silent_all_the_same(monkeypatch: pyt
         service = services.find(cast(Master, master), "/lamp")
         monkeypatch.setattr(services, "CALL_S", 1.0)
         with pytest.raises(Declined) as caught:
-            services.call(service, {}, lambda: None)
+            calls.call(services.exchange, service, {}, lambda: None)
     assert caught.value.refusal.code == "service_silent"

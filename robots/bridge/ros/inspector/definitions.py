@@ -12,8 +12,6 @@ import hashlib
 import re
 import threading
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 
 import genmsg
@@ -21,9 +19,10 @@ from genmsg.gentools import compute_md5
 from genmsg.msg_loader import load_msg_from_string
 from genmsg.msgs import is_builtin, parse_type
 
-from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.topics.inspector.declined import Declined
+from robots.shared.messages.definition import Definition
 from robots.shared.messages.fields import FLOATS, INTEGERS
-from robots.shared.messages.packing import HEADER, Layout
+from robots.shared.messages.packing import HEADER
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
 from robots.shared.sentences import Sentence, reason_of, say
 from robots.shared.texts import cut
@@ -47,29 +46,6 @@ _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*")
 _MD5 = re.compile(r"[0-9a-f]{32}")
 
 
-@dataclass(frozen=True)
-class Definition:
-    """One type at one md5 sum. `known`: from an installed package, else from the publisher's text."""
-
-    type: str
-    md5: str
-    text: str  # followed by the embedded types' texts, as in genpy
-    known: bool
-    fields: list[Field] = field(repr=False)
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The byte layout of its messages."""
-        return Layout(self.fields)
-
-    @cached_property
-    def sums(self) -> frozenset[str]:
-        """The md5 sums of the message itself and of every message within it."""
-        context, _ = _loaded(self.type, self.text)
-        specs = map(context.get_registered, _types_within(self.fields))
-        return frozenset({self.md5, *(compute_md5(context, spec) for spec in specs)})
-
-
 def parsed(type_name: str, text: str, known: bool = False) -> Definition:
     """Parse a definition's text and compute its md5 sum. Raises Declined."""
     if len(text) > LARGEST_TEXT or not _TYPE.fullmatch(type_name):
@@ -81,6 +57,13 @@ def parsed(type_name: str, text: str, known: bool = False) -> Definition:
         return Definition(type_name, compute_md5(context, spec), text, known, fields)
     except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
         raise _bad(type_name, reason_of(error)) from error
+
+
+def sums(definition: Definition) -> frozenset[str]:
+    """Return the md5 sums of a message itself and of every message within it."""
+    context, _ = _loaded(definition.type, definition.text)
+    specs = map(context.get_registered, _types_within(definition.fields))
+    return frozenset({definition.md5, *(compute_md5(context, spec) for spec in specs)})
 
 
 def _loaded(type_name: str, text: str) -> tuple[genmsg.MsgContext, genmsg.MsgSpec]:

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import xmlrpc.client
 from collections.abc import Iterator
-from typing import Any
 
-import msgspec
-
-from robots.bridge.ros.inspector.declined import Declined
 from robots.shared import wire
 from robots.shared.graph import INSPECTOR
-from robots.shared.messages.fields import BadField
 from robots.shared.ros.master import Master
-from robots.shared.sentences import say
-from robots.shared.texts import MOST_TOPICS, NAME, cut
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
@@ -63,70 +54,3 @@ def _action_type(parts: dict[str, wire.TopicRow | None]) -> str:
         if row is not None and row.type.endswith(f"Action{ending}"):
             return row.type.removesuffix(ending)
     return "*"
-
-
-# --- parameters ----------------------------------------------------------------------------------
-
-
-def parameter_names(master: Master, seq: int) -> wire.Parameters:
-    names = [cut(str(name), NAME) for name in master.call("getParamNames")[:MOST_TOPICS]]
-    return wire.Parameters(sorted(names), seq)
-
-
-def parameter(master: Master, name: str, seq: int, whole: bool = False) -> wire.Parameter:
-    """Return a value, or the tree below `name`. Raises MasterError or Declined."""
-    _require_parameter(master, name)
-    value = _plain(master.parameter(name), LARGEST_WHOLE if whole else LONGEST_TEXT)
-    size = len(msgspec.json.encode(value))
-    if size > LARGEST_VALUE and not whole:
-        text = say(
-            "{name} is too large to be shown ({size} bytes): ask for a branch of it.", name=name, size=size
-        )
-        raise Declined("too_large", text, bytes=size, limit_bytes=LARGEST_VALUE)
-    return wire.Parameter(name, value, seq)
-
-
-def all_parameters(master: Master, seq: int) -> wire.Parameter:
-    """Return the tree of all parameters, whole."""
-    return wire.Parameter("/", _plain(master.parameter("/"), LARGEST_WHOLE), seq)
-
-
-def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Parameter:
-    """Set a parameter and return the master's new value. Raises BadField for values that XML-RPC cannot carry."""
-    try:
-        xmlrpc.client.dumps((value,))
-    except (TypeError, OverflowError) as error:
-        raise BadField(
-            name, "{path}: a parameter is a text, a number, true or false, or made of these."
-        ) from error
-    master.call("setParam", name, value)
-    return parameter(master, name, seq)
-
-
-def delete_parameter(master: Master, name: str, seq: int) -> wire.Parameter:
-    """Delete a parameter, or the tree below it. Raises MasterError or Declined."""
-    _require_parameter(master, name)
-    master.call("deleteParam", name)
-    return wire.Parameter(name, None, seq)
-
-
-def _require_parameter(master: Master, name: str) -> None:
-    if not master.call("hasParam", name):
-        raise Declined("no_parameter", say("The robot has no parameter {name}.", name=name), name=name)
-
-
-def _plain(value: Any, longest: int) -> Any:
-    """Convert a value for JSON: XML-RPC also has NaN, dates and bytes. Texts are cut at `longest` characters."""
-    match value:
-        case dict():
-            return {str(key): _plain(inner, longest) for key, inner in value.items()}
-        case list() | tuple():
-            return [_plain(inner, longest) for inner in value]
-        case str() if len(value) > longest:
-            return f"{value[:longest]}… ({len(value)} characters)"
-        case float() if not math.isfinite(value):
-            return str(value)
-        case None | bool() | int() | float() | str():
-            return value
-        case _:
-            return str(value)

@@ -2,44 +2,33 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-import msgspec
-
-from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.inspector.definitions import Definition, parsed
+from robots.bridge.ros.inspector.definitions import parsed
 from robots.bridge.ros.network.tcpros import Conversation, connect
+from robots.bridge.topics.inspector import declined
+from robots.bridge.topics.inspector.declined import Declined
+from robots.bridge.topics.inspector.side import Service
 from robots.shared.graph import INSPECTOR
-from robots.shared.messages.fields import fit_fields
-from robots.shared.messages.packing import Detail
-from robots.shared.messages.whole import json_encoder
+from robots.shared.messages.definition import Definition
 from robots.shared.ros.master import Master, NotThere
 from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
 from robots.shared.sentences import say
 from robots.shared.texts import NAME, cut
 
 CALL_S = 1.5  # until a service must have answered
-LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
 TYPES_S = 1.5  # until the types of all services must be known
 MOST_ASKED = 16  # services at once
-SHOWN = Detail(whole=64, first=32, text=2000)  # of an answer
 
 
-@dataclass(frozen=True)
-class Service:
-    """One service: its own description, and the installed definition of its type."""
+class _At(NamedTuple):
+    """The address of a service, and the md5 sum of its type."""
 
-    name: str
-    type: str
-    md5: str
     address: tuple[str, int]
-    request: Definition
-    response: Definition
+    md5: str
 
 
 def find(master: Master, name: str) -> Service:
@@ -53,7 +42,9 @@ def find(master: Master, name: str) -> Service:
             type=type_name,
         )
         raise Declined("definition_differs", text, type=type_name, robot_md5=md5, console_md5=here._md5sum)
-    return Service(name, type_name, md5, address, described(type_name), described(type_name, response=True))
+    return Service(
+        name, type_name, described(type_name), described(type_name, response=True), _At(address, md5)
+    )
 
 
 def described(type_name: str, response: bool = False) -> Definition:
@@ -106,42 +97,24 @@ def _located(master: Master, name: str) -> tuple[str, int]:
     try:
         uri = urlsplit(master.call("lookupService", name))
     except NotThere:
-        raise Declined(
-            "no_service", say("The robot has no service {name}.", name=name), service=name
-        ) from None
+        raise declined.no_service(name) from None
     return uri.hostname or "", uri.port or 0
 
 
-def call(
-    service: Service,
-    given: dict[str, Any],
-    require_time: Callable[[], None],
-    detail: Detail | None = SHOWN,
-    largest: int = LARGEST_ANSWER,
-) -> tuple[dict[str, Any], dict[str, int]]:
-    """Call a service; return its answer, and the full lengths of shortened arrays by path.
+def exchange(service: Service, request: bytes, require_time: Callable[[], None], largest: int) -> bytes:
+    """Call a service; return the bytes of its answer. Raises Declined.
 
-    `detail` None: the whole answer, as rosbridge writes it.
-    Raises BadField before anything is sent, Declined after.
     `require_time` is called just before the request is sent, and raises if it is too late.
     """
-    now = divmod(time.time_ns(), 1_000_000_000)
-    request = service.request.layout.write(fit_fields(service.request.fields, given), now)
+    at: _At = service.at
     try:
-        with _connected(
-            service.address, service.name, {"md5sum": service.md5, "type": service.type}
-        ) as conversation:
+        with _connected(at.address, service.name, {"md5sum": at.md5, "type": service.type}) as conversation:
             conversation.read_header()
             require_time()
             conversation.send(request)
             succeeded, answer = conversation.read(1), _answer(conversation, largest)
     except TimeoutError:
-        text = say(
-            "{service} did not answer within {seconds} s: whether it was carried out is not known.",
-            service=service.name,
-            seconds=CALL_S,
-        )
-        raise Declined("service_silent", text, service=service.name) from None
+        raise declined.silent(service.name, CALL_S) from None
     except OSError as error:
         text = say("{service}: {error}", service=service.name, error=error)
         raise Declined("service_lost", text, service=service.name) from error
@@ -153,9 +126,7 @@ def call(
             else say("{service} reported a failure and gave no reason.", service=service.name)
         )
         raise Declined("service_failed", text, service=service.name)
-    if detail is None:
-        return msgspec.json.decode(json_encoder(service.response.fields)(answer)), {}
-    return service.response.layout.read(answer, detail)
+    return answer
 
 
 def _answer(conversation: Conversation, largest: int) -> bytes:

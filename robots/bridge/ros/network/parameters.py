@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from robots.bridge.ros.inspector import services
-from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.topics.inspector import calls
+from robots.bridge.topics.inspector.declined import Declined
 from robots.shared.messages.packing import Detail
 from robots.shared.ros.master import Master
 
@@ -27,7 +28,7 @@ class MasterParameters:
             found = services.find(self._master, f"{action}/list_motions")
             if found.type != "play_motion_msgs/ListMotions":
                 return None
-            answer, _ = services.call(found, {}, lambda: None, WHOLE, LARGEST_LIST)
+            answer, _ = calls.call(services.exchange, found, {}, lambda: None, WHOLE, LARGEST_LIST)
         except (Declined, ValueError):
             return None
         return {

@@ -19,7 +19,7 @@ from robots.bridge.ros.tap.pace import Pace
 from robots.bridge.served.process import Call
 from robots.bridge.tap.arrivals import Arrival, Inbox, Kind, Publisher
 from robots.bridge.tap.tap_server import TapServer, Wanted
-from robots.shared.messages.whole import Encode, cbor_encoder, json_encoder
+from robots.shared.messages.whole import Encode
 from robots.shared.sentences import say
 from robots.shared.wire import Form, Refusal, TapState
 
@@ -94,8 +94,8 @@ def _described(speaker: Speaker) -> Publisher:
     if definition is None:
         return Publisher(0, speaker.kind, speaker.latched, "", {}, speaker.refusal)
     encoders: dict[Form, Encode] = {
-        "json": json_encoder(definition.fields),
-        "cbor": cbor_encoder(definition.fields),
+        "json": definition.json,
+        "cbor": definition.cbor,
     }
     return Publisher(0, speaker.kind, speaker.latched, definition.text, encoders, None)
 

@@ -12,17 +12,16 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import msgspec
 
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.inspector import graph, services
-from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.inspector.publishing import PublishPermit
-from robots.bridge.ros.network.tcpros import Conversation, Header, first_response
+from robots.bridge.topics.inspector import calls, parameters
+from robots.bridge.topics.inspector.declined import Declined
+from robots.bridge.topics.inspector.publishing import Publishers, PublishPermit
+from robots.bridge.topics.inspector.side import InspectorSide, Node
+from robots.bridge.topics.inspector.subscriptions import Subscriptions
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
@@ -37,22 +36,16 @@ from robots.bridge.topics.inspector_messages import (
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.denylist import (
-    COUNTERFEITED,
     admissible,
     names_set,
     why_denied,
     why_fields_denied,
 )
-from robots.shared.configuration.robot_ros import ros1
-from robots.shared.graph import INSPECTOR
+from robots.shared.messages.definition import Definition
 from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
-from robots.shared.ros.master import Master, MasterError
-from robots.shared.ros.message_types.classes import message_class
 from robots.shared.sentences import reason_of, say
-
-if TYPE_CHECKING:
-    from robots.bridge.ros.inspector.node import Node
+from robots.shared.unreachable import Unreachable
 
 log = logging.getLogger(__name__)
 
@@ -62,18 +55,25 @@ LARGEST_ANSWER = 1024 * 1024  # bytes; the bridge accepts longer lines
 _request = msgspec.json.Decoder(Request)
 
 
+class _Joined(NamedTuple):
+    """The node with what it subscribes and publishes."""
+
+    node: Node
+    subscriptions: Subscriptions
+    publishers: Publishers
+
+
 class Inspector:
     """Answers the bridge's requests."""
 
-    def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
+    def __init__(self, config: BridgeConfig, side: InspectorSide, say: Callable[[bytes], None]) -> None:
         self._config = config
+        self._side = side
         self._allowed = admissible(config.allowed, config.topics)
-        self._master = Master(ros1(config.ros).master_uri, INSPECTOR)
-        self._definitions = Definitions(Path(config.state_dir) / "definitions")
         self._say = say
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._node: Node | None = None
+        self._joined: _Joined | None = None
         self._clock = RobotClock()
         self._permit = PublishPermit()  # to publish, until the next halt
         # by topic and type: the definition at the last check
@@ -101,39 +101,38 @@ class Inspector:
                 pass  # its arrival already extended the permit
 
     def run(self) -> None:
-        """Run the requests that use the rospy node, one after the other."""
+        """Run the requests that use the node, one after the other."""
         while True:
             self._work.get()()
 
     def close(self) -> None:
-        """Unregister from the master."""
-        if self._node is not None:
-            self._node.close()
+        """Leave the robot."""
+        if self._joined is not None:
+            self._joined.node.leave()
 
-    # --- requests that use the rospy node --------------------------------------------------------------
+    # --- requests that use the node --------------------------------------------------------------
 
-    def _made_node(self) -> Node:
+    def _join(self) -> _Joined:
         """Return the node; create it at first use, because most queries need none."""
-        if self._node is None:
-            from robots.bridge.ros.inspector.node import Node
-
-            self._node = Node(self._config, self._master, self._definitions, self._sample)
-            self._node.subscriptions.clock = self._clock
-        return self._node
+        if self._joined is None:
+            node = self._side.join()
+            subscriptions = Subscriptions(node, self._sample)
+            subscriptions.clock = self._clock
+            self._joined = _Joined(node, subscriptions, Publishers(node))
+        return self._joined
 
     def _follow_clock(self, clock: RobotClock) -> None:
         self._clock = clock
-        if self._node is not None:
-            self._node.subscriptions.clock = clock
+        if self._joined is not None:
+            self._joined.subscriptions.clock = clock
 
     def _subscribe(self, topics: dict[str, float]) -> None:
-        if not topics and self._node is None:
+        if not topics and self._joined is None:
             return
         try:
-            self._made_node().subscriptions.set_subscriptions(topics)
-        except (OSError, MasterError):
-            text = say("No ROS master answers at {master}.", master=self._master.uri)
-            refusal = wire.Refusal("robot_offline", text, "robot")
+            self._join().subscriptions.set_subscriptions(topics)
+        except (OSError, Unreachable) as error:
+            refusal = wire.Refusal("robot_offline", reason_of(error), "robot")
             for topic in topics:
                 sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
                 self._sample(topic, wire.encode(sample))
@@ -144,7 +143,7 @@ class Inspector:
         # reports that.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fit_fields(definition.fields, order.fields)
-        self._made_node().publishers.publish(
+        self._join().publishers.publish(
             order.topic, definition, lambda: definition.layout.write(values, _now()), permit, order.rate_hz
         )
 
@@ -155,8 +154,8 @@ class Inspector:
         self._report(Done(number))
 
     def _stop_publishing(self, number: int, topic: str) -> None:
-        if self._node is not None:
-            self._node.publishers.stop(topic)
+        if self._joined is not None:
+            self._joined.publishers.stop(topic)
         self._report(Done(number))
 
     # --- reports --------------------------------------------------------------------------------------
@@ -196,48 +195,51 @@ class Inspector:
 
     def _answered(self, question: InspectorQuery) -> wire.DoorAnswer:
         question.require_time()
+        side = self._side
         match question.ask:
             case wire.ListTopics(seq=seq):
-                return graph.graph(self._master, seq)
+                return side.graph(seq)
             case wire.Describe(type=type_name, topic=topic, seq=seq):
-                return _described(self._definition(type_name, topic), seq)
+                return _described(side.definition(type_name, topic), seq)
             case wire.DescribeService(service=name, seq=seq):
-                return _described(services.find(self._master, name).request, seq)
+                return _described(side.service(name).request, seq)
             case wire.ListParameters(seq=seq):
-                return graph.parameter_names(self._master, seq)
+                return parameters.names(side, seq)
             case wire.GetParameter(name=name, seq=seq, whole=whole):
-                return graph.parameter(self._master, name, seq, whole)
+                return parameters.parameter(side, name, seq, whole)
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
                 self._require_admissible(name, value)
-                return graph.set_parameter(self._master, name, value, seq)
+                side.set_parameter(name, value)
+                return parameters.parameter(side, name, seq)
             case wire.CallService(service=name, fields=fields, seq=seq, whole=whole):
-                service = services.find(self._master, name)
+                service = side.service(name)
                 self._require("call", name, service.type)
-                detail = None if whole else services.SHOWN
-                called, shortened = services.call(service, fields, question.require_time, detail)
+                detail = None if whole else calls.SHOWN
+                called, shortened = calls.call(side.call, service, fields, question.require_time, detail)
                 return wire.Called(name, called, seq, shortened)
             case door:
                 return self._answered_door(door)
 
     def _answered_door(self, ask: wire.DoorQuery) -> wire.DoorAnswer:
+        side = self._side
         match ask:
             case wire.ListServiceTypes(services=names, seq=seq):
-                names = names or list(self._master.system_state().services)
-                return wire.ServiceTypes(services.types_of(self._master, names), seq)
+                return wire.ServiceTypes(side.service_types(names), seq)
             case wire.LocateService(service=name, seq=seq):
-                return wire.ServiceHost(services.host_of(self._master, name), seq)
+                return wire.ServiceHost(side.service_host(name), seq)
             case wire.DescribeServiceType(type=type_name, response=response, seq=seq):
-                return _described(services.described(type_name, response), seq)
+                return _described(side.service_part(type_name, response), seq)
             case wire.ListDefinitions(seq=seq):
-                types = set(self._master.system_state().types.values())
-                return wire.Definitions({one: self._definitions.text_of(one) for one in sorted(types)}, seq)
+                return wire.Definitions(side.texts(), seq)
             case wire.GetAllParameters(seq=seq):
-                return graph.all_parameters(self._master, seq)
+                return parameters.everything(side, seq)
             case wire.DeleteParameter(name=name, seq=seq):
                 self._require("set", name)
                 self._require_admissible(name, None)
-                return graph.delete_parameter(self._master, name, seq)
+                parameters.require(side, name)
+                side.delete_parameter(name)
+                return wire.Parameter(name, None, seq)
             case wire.GetTime(seq=seq):
                 now_ns = time.time_ns() + round(1e9 * (self._clock.skew_s or 0.0))
                 return wire.RobotTime(*divmod(now_ns, 1_000_000_000), seq)
@@ -263,7 +265,7 @@ class Inspector:
 
     def _require_admissible(self, name: str, value: object) -> None:
         """Refuse to set or overwrite a branch that contains an inadmissible parameter."""
-        for inner in names_set(name, value, self._master.parameter(name)):
+        for inner in names_set(name, value, self._side.parameter(name)):
             if why := why_denied("set", inner, "", self._config.topics):
                 raise Declined(
                     "not_allowed",
@@ -271,28 +273,21 @@ class Inspector:
                     name=inner,
                 )
 
-    def _definition(self, type_name: str, topic: str | None) -> Definition:
-        """Return the definition of a publisher of this type on the topic, else the known definition."""
-        header = self._connection_header(topic) if topic else {}
-        if header.get("type") == type_name:
-            return self._definitions.of_connection(header)
-        return self._definitions.of_type(type_name)
-
-    def _connection_header(self, topic: str) -> Header:
-        """Return the connection header of the first publisher that can be reached; empty if there is none."""
-        nodes = self._master.system_state().publishers.get(topic, [])
-        addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
-        header, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
-        for node, why in unheard.items():
-            log.info("%s does not describe %s: %s", node, topic, why)
-        return header or {}
-
     def _sendable(self, order: wire.Publish) -> Definition:
         """Return the definition of an allowed message. Raises Declined if it is not allowed, or harmful."""
         self._require("publish", order.topic, order.type)
-        definition = self._definition(order.type, order.topic)
-        _require_harmless(definition)
+        definition = self._side.definition(order.type, order.topic)
+        self._require_harmless(definition)
         return definition
+
+    def _require_harmless(self, definition: Definition) -> None:
+        """Refuse types that contain a twist under any name: check inner types and their content. Raises Declined."""
+        why = why_fields_denied(definition.type, definition.fields)
+        if twin := self._side.imitated(definition):
+            why = why_fields_denied(twin, ())
+        if why:
+            text = say("It is not allowed to publish {type}: {why}.", type=definition.type, why=why)
+            raise Declined("not_allowed", text, type=definition.type)
 
     def _check(self, number: int, order: wire.Publish) -> None:
         try:
@@ -313,23 +308,13 @@ def _refusal(error: Exception) -> wire.Refusal:
             return wire.Refusal("too_old", "The request is too old: nothing was done.", "robot")
         case TooLarge():
             return wire.Refusal("too_large", reason_of(error), "robot")
-        case MasterError() | OSError():
+        case Unreachable() | OSError():
             return wire.Refusal("robot_offline", reason_of(error), "robot")
         case Broken():
             return wire.Refusal("broken", reason_of(error), "robot")
         case _:
             log.error("a query failed", exc_info=error)
             return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
-
-
-def _require_harmless(definition: Definition) -> None:
-    """Refuse types that contain a twist under any name: check inner types and md5 sums. Raises Declined."""
-    why = why_fields_denied(definition.type, definition.fields)
-    if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
-        why = why_fields_denied(twin, ())
-    if why:
-        text = say("It is not allowed to publish {type}: {why}.", type=definition.type, why=why)
-        raise Declined("not_allowed", text, type=definition.type)
 
 
 def _described(definition: Definition, seq: int) -> wire.Described:

@@ -13,20 +13,15 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 
-import rospy
-
-from robots.bridge.ros.inspector.definitions import Definition
-from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
+from robots.bridge.topics.inspector.side import Node, Writer
+from robots.shared.messages.definition import Definition
 from robots.shared.processes.vital import start_vital
-from robots.shared.ros.master import Master, MasterError
 
 LISTENERS_S = 1.0  # a topic's first message waits at most this long for listeners to connect
 WAITING = 20  # the most messages that wait on one topic
 # A topic stays advertised for this time after its last message: the next message need not wait for listeners.
 LINGER_S = 10.0
 LIFE_S = 0.5  # publishing at a rate needs a sign of life from the bridge within this time
-# a subscriber that does not read for this time is disconnected, so that it delays no other
-SEND_PATIENCE_S = 0.3
 
 Bytes = Callable[[], bytes]
 
@@ -59,10 +54,10 @@ class PublishPermit:
 class _Publisher:
     """One topic on which this process publishes, with its own thread."""
 
-    def __init__(self, topic: str, definition: Definition, master: Master) -> None:
+    def __init__(self, topic: str, definition: Definition, node: Node) -> None:
         self.definition = definition
         self._topic = topic
-        self._master = master
+        self._node = node
         self._once: deque[tuple[Bytes, PublishPermit]] = deque(maxlen=WAITING)
         self._repeated: tuple[Bytes, PublishPermit, float] | None = None  # with the rate (Hz)
         self._news = threading.Condition()
@@ -87,54 +82,44 @@ class _Publisher:
             self._news.notify()
 
     def close(self) -> None:
-        """Stop sending and unregister from the master."""
+        """Stop sending and unregister the topic."""
         with self._news:
             self._closed = True
             self._news.notify()
         self._thread.join()
 
     def _run(self) -> None:
-        publisher = immediate_publisher(self._topic, _message_class(self.definition), SEND_PATIENCE_S)
+        writer = self._node.advertise(self._topic, self.definition)
         try:
-            self._await_listeners(publisher)
-            self._talk(publisher)
+            writer.await_listeners(LISTENERS_S)
+            self._talk(writer)
         finally:
-            publisher.unregister()
+            writer.close()
 
-    def _await_listeners(self, publisher: rospy.Publisher) -> None:
-        """Wait for listeners: they miss messages that are sent before they are connected."""
-        deadline_s = time.monotonic() + LISTENERS_S
-        try:
-            known = len(self._master.system_state().subscribers.get(self._topic, []))
-        except MasterError:
-            return
-        while publisher.get_num_connections() < known and time.monotonic() < deadline_s:
-            time.sleep(0.01)
-
-    def _talk(self, publisher: rospy.Publisher) -> None:
+    def _talk(self, writer: Writer) -> None:
         with self._news:
             while not self._closed:
                 while self._once:
                     data, permit = self._once.popleft()
-                    permit.send(partial(_send, publisher, data), repeated=False)
+                    permit.send(partial(_send, writer, data), repeated=False)
                 if self._repeated is not None:
                     data, permit, rate_hz = self._repeated
-                    permit.send(partial(_send, publisher, data), repeated=True)
+                    permit.send(partial(_send, writer, data), repeated=True)
                     self._repeated = None if permit.ended else self._repeated
                     self._news.wait(1.0 / rate_hz)
                 elif not self._news.wait(LINGER_S) and not self._once and self._repeated is None:
                     self._closed = True
 
 
-def _send(publisher: rospy.Publisher, data: Bytes) -> None:
-    publish(publisher, publisher.data_class().deserialize(data()))
+def _send(writer: Writer, data: Bytes) -> None:
+    writer.send(data())
 
 
 class Publishers:
     """The published topics."""
 
-    def __init__(self, master: Master) -> None:
-        self._master = master
+    def __init__(self, node: Node) -> None:
+        self._node = node
         self._publishers: dict[str, _Publisher] = {}
 
     def publish(
@@ -146,21 +131,10 @@ class Publishers:
             return
         if talk is not None:
             talk.close()
-        self._publishers[topic] = _Publisher(topic, definition, self._master)
+        self._publishers[topic] = _Publisher(topic, definition, self._node)
         self._publishers[topic].say(data, permit, rate_hz)
 
     def stop(self, topic: str) -> None:
         """Stop sending on this topic."""
         if topic in self._publishers:
             self._publishers[topic].stop()
-
-
-def _message_class(definition: Definition) -> type[rospy.AnyMsg]:
-    """Return a message class with the attributes that rospy needs; this module packs the bytes."""
-    names = {
-        "_type": definition.type,
-        "_md5sum": definition.md5,
-        "_full_text": definition.text,
-        "__slots__": [],
-    }
-    return type("Message", (rospy.AnyMsg,), names)

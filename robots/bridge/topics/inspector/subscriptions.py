@@ -1,7 +1,7 @@
 """The live view: the newest message of each subscribed topic, decoded in part, at the requested rate.
 
-rospy's threads only keep the newest bytes and count messages. One thread decides which topics are due, and decodes only
-those: a topic of 100 Hz that is shown five times a second is decoded five times a second.
+The node's threads only keep the newest bytes and count messages. One thread decides which topics are due, and decodes
+only those: a topic of 100 Hz that is shown five times a second is decoded five times a second.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
-import rospy
 from msgspec.structs import replace
 
 from robots.bridge.robot.board import BOARD
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.topics.inspector.declined import Declined
+from robots.bridge.topics.inspector.side import Node, Received, Talker
 from robots.shared import wire
+from robots.shared.messages.definition import Definition
 from robots.shared.messages.packing import Broken, Detail, TooLarge
 from robots.shared.processes.vital import start_vital
 from robots.shared.sentences import reason_of, say
@@ -43,24 +43,23 @@ _encode = msgspec.json.Encoder().encode
 class Subscription:
     """One subscribed topic."""
 
-    def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
+    def __init__(self, topic: str, rate_hz: float, awake: threading.Condition, node: Node) -> None:
         self.topic = topic
         self.gap_s = 1.0 / rate_hz
         # So the first message is shown at once, and a silent topic is reported after a while.
         self.shown_s = time.monotonic() - self.gap_s
         self._awake = awake
         self._arrivals: deque[float] = deque(maxlen=RATE_SAMPLES)
-        self._newest: rospy.AnyMsg | None = None
+        self._newest: Received | None = None
         self._number = 0
         self._shown_number = 0
-        # No queue size: with one, rospy drops messages before they are counted. Here no message waits.
-        self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message)
+        self._source = node.subscribe(topic, self._on_message)
 
     def close(self) -> None:
         """Unsubscribe."""
-        self._subscriber.unregister()
+        self._source.close()
 
-    def _on_message(self, message: rospy.AnyMsg) -> None:
+    def _on_message(self, message: Received) -> None:
         self._arrivals.append(time.monotonic())
         with self._awake:
             self._newest = message
@@ -72,32 +71,31 @@ class Subscription:
         fresh = self._number != self._shown_number
         return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
-    def show(self, definitions: Definitions, now_s: float, clock: RobotClock) -> bytes:
+    def show(self, now_s: float, clock: RobotClock) -> bytes:
         """Return the present `Sample`."""
         with self._awake:
             message, number = self._newest, self._number
         self.shown_s, self._shown_number = now_s, number
-        connections, arrivals = self._subscriber.impl.connections, list(self._arrivals.copy())
-        publishers = [connection for connection in connections if connection.type is not None]
+        talkers, arrivals = self._source.talkers(), list(self._arrivals.copy())
+        known = [talker.type for talker in talkers if talker.type is not None]
         shown = wire.Sample(
             self.topic,
-            publishers[0].type[:LONGEST_NAME] if publishers else "*",
+            known[0][:LONGEST_NAME] if known else "*",
             number,
             rate_hz(arrivals, now_s),
             0,
             None,
-            len(connections),
+            len(talkers),
             {},
-            refusal=_silence(self.topic, number, len(connections)) or _discord(publishers),
-            publisher_names=_names(connections),
+            refusal=_silence(self.topic, number, len(talkers)) or _discord(talkers),
+            publisher_names=_names(talkers),
             since_s=round(max(now_s - arrivals[-1], 0.0), 3) if arrivals else None,
         )
         if message is None:
             return _encode(shown)
-        header, data = message._connection_header, message._buff
-        shown = replace(shown, type=header.get("type", "*")[:LONGEST_NAME], bytes=len(data))
+        shown = replace(shown, type=message.type[:LONGEST_NAME], bytes=len(message.data))
         try:
-            return _filled(shown, definitions.of_connection(header), data, clock)
+            return _filled(shown, message.definition(), message.data, clock)
         except Declined as error:
             return _encode(replace(shown, refusal=error.refusal))
         except Broken as error:
@@ -119,14 +117,14 @@ def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:
     return 0.0 if is_silent else round(1.0 / gap_s, 3)
 
 
-def _names(connections: Sequence[Any]) -> list[str]:
-    """Return the publishers' names, as the publishers send them in their connection headers."""
-    return sorted({connection.callerid_pub[:LONGEST_NAME] for connection in connections})[:MOST_NAMED]
+def _names(talkers: Sequence[Talker]) -> list[str]:
+    """Return the publishers' names, as they send them."""
+    return sorted({talker.name[:LONGEST_NAME] for talker in talkers})[:MOST_NAMED]
 
 
-def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
+def _discord(talkers: Sequence[Talker]) -> wire.Refusal | None:
     """Return a refusal if publishers disagree on the type. Each message has its publisher's definition."""
-    kinds = sorted({f"{publisher.type} ({publisher.md5sum})"[:LONGEST_NAME] for publisher in publishers})
+    kinds = sorted({f"{one.type} ({one.md5})"[:LONGEST_NAME] for one in talkers if one.type is not None})
     if len(kinds) < 2:
         return None
     text = say("Its publishers do not agree on the type: {kinds}.", kinds=", ".join(kinds[:MOST_NAMED]))
@@ -153,7 +151,8 @@ def _age_s(fields: Mapping[str, Any], clock: RobotClock) -> float | None:
     stamp = header.get("stamp") if isinstance(header, dict) else None
     if not isinstance(stamp, dict):
         return None
-    age_s = clock.age_s(stamp["secs"] + stamp["nsecs"] * 1e-9, time.time())
+    seconds, nanoseconds = stamp.values()
+    age_s = clock.age_s(seconds + nanoseconds * 1e-9, time.time())
     return None if age_s is None else round(age_s, 3)
 
 
@@ -175,8 +174,8 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
 class Subscriptions:
     """All subscriptions. `send` passes on a topic and its `Sample`; while it blocks, no message is decoded."""
 
-    def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
-        self._definitions = definitions
+    def __init__(self, node: Node, send: Callable[[str, bytes], None]) -> None:
+        self._node = node
         self._send = send
         self.clock = RobotClock()
         self._wanted: Mapping[str, float] = {}
@@ -205,10 +204,10 @@ class Subscriptions:
     def _show_due(self, now_s: float) -> None:
         for look in self._subscriptions.values():
             if look.due_s() <= now_s:
-                self._send(look.topic, look.show(self._definitions, now_s, self.clock))
+                self._send(look.topic, look.show(now_s, self.clock))
 
     def _subscribe(self) -> None:
-        """Subscribe and unsubscribe as wanted. Runs on this thread, since it calls the master."""
+        """Subscribe and unsubscribe as wanted. Runs on this thread, since it may wait for the robot."""
         with self._awake:
             wanted = self._wanted
         for topic in self._subscriptions.keys() - wanted.keys():
@@ -217,4 +216,4 @@ class Subscriptions:
             if topic in self._subscriptions:
                 self._subscriptions[topic].gap_s = 1.0 / rate_hz
             else:
-                self._subscriptions[topic] = Subscription(topic, rate_hz, self._awake)
+                self._subscriptions[topic] = Subscription(topic, rate_hz, self._awake, self._node)
