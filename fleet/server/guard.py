@@ -266,6 +266,12 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self.setTimeout(limits.UNREAD_S)
             super().loseConnection()
 
+    def write_at_once(self, data: bytes) -> None:
+        """Write, and send it without a turn of the loop if no older bytes wait."""
+        self.write(data)
+        if self.writable.is_set() and not self._leaving and self.transport.doWrite():
+            self.transport.abortConnection()  # it is lost
+
     def pauseProducing(self) -> None:
         """Do nothing: `read_or_pause` decides."""
 

@@ -97,4 +97,4 @@ class WebSocket:
         else:
             payload = event["text"] if event.get("bytes") is None else event["bytes"]
             framed = _shared_frame if len(payload) <= _SHARED_LENGTH else message_frame
-            self._guard.write(framed(payload))
+            self._guard.write_at_once(framed(payload))

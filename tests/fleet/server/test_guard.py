@@ -1,6 +1,7 @@
 """Guards before Daphne's protocols, without a network."""
 
 import asyncio
+import socket
 import struct
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ from twisted.internet.error import ConnectionAborted
 from twisted.internet.interfaces import IProtocolNegotiationFactory, ISSLTransport
 from twisted.internet.protocol import Factory as Wrapped
 from twisted.internet.protocol import Protocol
+from twisted.internet.tcp import Server
 from twisted.internet.testing import StringTransport
 from twisted.python.failure import Failure
 from zope.interface import directlyProvides
@@ -164,6 +166,28 @@ async def test_a_text_at_once_never_overtakes_one_that_waits():
         guard.dataReceived(b"".join(text_frame(text) for text in texts))
     assert heard == ["now 1", "event later", "event now 2", "now 3"]
     guard.connectionLost(Failure(ConnectionAborted()))
+
+
+async def test_a_message_leaves_without_a_turn_of_the_loop(guard):
+    """The first of many readers does not wait for the last one. A lost connection ends, and nothing is raised."""
+    ended = []
+    reactor = SimpleNamespace(callLater=lambda _s, end, why: ended.append((end, why)))
+    for each in ("addReader", "addWriter", "removeReader", "removeWriter"):
+        setattr(reactor, each, lambda _: None)
+    ours, client = socket.socketpair()
+    with client:
+        ours.setblocking(False)
+        port = SimpleNamespace(_realPortNumber=0)
+        guard.makeConnection(Server(ours, guard, ("127.0.0.1", 1), port, 0, reactor))
+        guard.write_at_once(b"one")
+        guard.write_at_once(b"two")
+        client.setblocking(False)
+        assert client.recv(100) == b"onetwo"
+    assert not ended
+    guard.write_at_once(b"three")
+    [(end, why)] = ended
+    end(why)
+    assert guard.is_lost
 
 
 def text_frame(text):
