@@ -82,8 +82,9 @@ class FoxgloveConsumer(RobotSocket):
             return
         if "user" not in self.scope:
             refused = self.scope.get("refused")
-            why = refused if isinstance(refused, TokenInvalid) else _SIGN_IN
-            await self._status(protocol.ERROR, _worded(why))
+            invalid = isinstance(refused, TokenInvalid)
+            why = Refusal(refused.code, refused.text, "account") if invalid else _SIGN_IN
+            await self._status(protocol.ERROR, why.coded_text)
             await self.close(CloseCode.SIGNED_OUT, why.text[:120])
             return
         entry = await self.join(Scope.TOPICS)
@@ -245,7 +246,7 @@ class FoxgloveConsumer(RobotSocket):
         """Tell the client why nothing new comes."""
         if self._reader is None:  # the client gets this in a moment
             return
-        run_in_background(self._status(protocol.WARNING, _worded(refusal)))
+        run_in_background(self._status(protocol.WARNING, refusal.coded_text))
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """Tell nothing: the catalogue says it."""
@@ -253,7 +254,7 @@ class FoxgloveConsumer(RobotSocket):
     def _follow_topic(self, state: TapState) -> None:
         # The catalogue tells the refusal of the link
         if state.refusal is not None and state.refusal not in (STARTING, self.hub.link.refusal):
-            text = f"{state.topic}: {_worded(state.refusal)}"
+            text = f"{state.topic}: {state.refusal.coded_text}"
             run_in_background(self._status(protocol.WARNING, text))
         if state.type:
             self._types[state.topic] = state.type
@@ -283,7 +284,7 @@ class FoxgloveConsumer(RobotSocket):
         """Tell the client as a status what a page would get as a message of the console's own protocol."""
         match message:
             case Refused(refusal=refusal) | BridgeGone(refusal=refusal):
-                await self._status(protocol.ERROR, _worded(refusal))
+                await self._status(protocol.ERROR, refusal.coded_text)
             case Notice(code=code, text=text):
                 await self._status(protocol.ERROR, f"{code}: {text}")
 
@@ -297,7 +298,3 @@ class FoxgloveConsumer(RobotSocket):
     async def _send_frame(self, frame: bytes) -> None:
         if not self._closing:
             await self.send_bytes(frame)
-
-
-def _worded(refusal: Refusal | TokenInvalid) -> str:
-    return f"{refusal.code}: {refusal.text}"

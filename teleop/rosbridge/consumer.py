@@ -177,7 +177,7 @@ class RosbridgeConsumer(ControllingSocket):
     async def _leave_stranger(self, refusal: Refusal) -> None:
         _strangers.pop(self, None)
         if not self.joined:
-            await self.status("error", _worded(refusal))
+            await self.status("error", refusal.coded_text)
             await self.close(CloseCode.SIGNED_OUT, refusal.text[:120])
 
     async def on_close(self) -> None:
@@ -382,7 +382,7 @@ class RosbridgeConsumer(ControllingSocket):
     async def refuse(self, of: str, refusal: Refusal, id_: Id = None) -> None:
         self._record_refusal(of, refusal)
         if self._replies.spend(time.monotonic()):
-            await self.status("error", _worded(refusal), id_)
+            await self.status("error", refusal.coded_text, id_)
 
     async def send_message(self, message: Any) -> None:
         """Tell the client what a page would get as a message of the console's own protocol."""
@@ -394,14 +394,10 @@ class RosbridgeConsumer(ControllingSocket):
             case Notice(level=level, code=code, text=text):
                 await self.status(level, f"{code}: {text}")
             case Refused(refusal=refusal) | BridgeGone(refusal=refusal):
-                await self.status("error", _worded(refusal))
+                await self.status("error", refusal.coded_text)
 
 
 _strangers: dict[RosbridgeConsumer, None] = {}  # clients that have not signed in, the oldest first
-
-
-def _worded(refusal: Refusal) -> str:
-    return f"{refusal.code}: {refusal.text}"
 
 
 class _Heading(msgspec.Struct):
@@ -429,7 +425,7 @@ def _failure(heading: _Heading, refusal: Refusal) -> dict[str, Any] | None:
     """Return the end of a call or goal that is not valid: its client may wait for it without a limit."""
     if heading.id is None:
         return None
-    told = {"id": heading.id, "values": _worded(refusal), "result": False}
+    told = {"id": heading.id, "values": refusal.coded_text, "result": False}
     match heading.op:
         case "call_service":
             return {"op": "service_response", "service": str(heading.service)[:200], **told}

@@ -46,7 +46,9 @@ class ServiceCalls(Family):
         answering = asyncio.ensure_future(self._asked(service, call))
         try:
             await asyncio.wait({answering}, timeout=timeout_s if timeout_s and timeout_s > 0 else None)
-            await self._answer(call, answering.result() if answering.done() else _silent(call, timeout_s))
+            await self._answer(
+                call, answering.result() if answering.done() else silent(call.service, timeout_s)
+            )
             await asyncio.wait({answering})
         finally:
             self._pending -= 1
@@ -65,7 +67,7 @@ class ServiceCalls(Family):
         response = {
             "op": "service_response",
             "service": call.service,
-            "values": f"{answer.code}: {answer.text}" if isinstance(answer, Refusal) else answer,
+            "values": answer.coded_text if isinstance(answer, Refusal) else answer,
             "result": not refused,
         }
         text = wire.encode(response if call.id is None else {**response, "id": call.id}).decode()
@@ -75,13 +77,14 @@ class ServiceCalls(Family):
             await self.client.refuse("call_service", answer, call.id)
 
 
-def _silent(call: CallService, seconds: Number) -> Refusal:
+def silent(service: str, seconds: Number) -> Refusal:
+    """Return why a call has no answer."""
     text = say(
         "{service} did not answer within {seconds} s: whether it was carried out is not known.",
-        service=call.service,
+        service=service,
         seconds=seconds,
     )
-    return Refusal("service_silent", text, "wire", {"service": call.service})
+    return Refusal("service_silent", text, "wire", {"service": service})
 
 
 def _arguments(call: CallService) -> dict[str, Any]:

@@ -144,7 +144,7 @@ class Subscribing(Family):
         topic.type = state.type or topic.type
         if (refusal := state.refusal) is not None and refusal.code != topic.told:
             level: Level = "info" if refusal == STARTING else "warning"
-            run_in_background(self.client.status(level, f"{refusal.code}: {refusal.text}"))
+            run_in_background(self.client.status(level, refusal.coded_text))
         topic.told = refusal.code if refusal else ""
         refused = {key: _other_type(one, topic.type) for key, one in topic.wanted.items()}
         wrong = {key: other for key, other in refused.items() if other}

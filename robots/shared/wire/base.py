@@ -90,6 +90,11 @@ class Refusal(Worded, frozen=True, omit_defaults=True):
     rule: Rule
     figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
 
+    @property
+    def coded_text(self) -> str:
+        """Code and text as one text, for protocols that have no field for each."""
+        return f"{self.code}: {self.text}"
+
 
 class NotDone(Exception):
     """A request that was not executed; `refusal` has the reason."""

@@ -97,7 +97,7 @@ class ActionGoals(Family):
                 return
             action = self._robots(name)
         except NotDone as refused:
-            await self._result_told(operation, End(REJECTED, _worded(refused.refusal)))
+            await self._result_told(operation, End(REJECTED, refused.refusal.coded_text))
             raise
 
         async def told(goal: Goal, end: End | None) -> None:
@@ -250,7 +250,3 @@ def _header() -> dict[str, Any]:
 def _part(message: dict[str, Any], name: str) -> dict[str, Any]:
     part = message.get(name)
     return part if isinstance(part, dict) else {}
-
-
-def _worded(refusal: Refusal) -> str:
-    return f"{refusal.code}: {refusal.text}"

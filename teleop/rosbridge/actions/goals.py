@@ -85,7 +85,7 @@ class Goals(Listener):
             await self._client.request(lambda fence, seq: self._requested(goal, make(fence, seq)))
         except NotDone as refused:
             self._forget(goal)
-            await goal.told(goal, End(REJECTED, f"{refused.refusal.code}: {refused.refusal.text}"))
+            await goal.told(goal, End(REJECTED, refused.refusal.coded_text))
             raise
         goal.status = ACTIVE
         await goal.told(goal, None)

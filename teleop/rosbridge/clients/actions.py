@@ -114,7 +114,7 @@ class ClientActions:
             return
         refusal, fields = result.refusal, result.fields
         if refusal is not None:
-            fields = {"result": False, "values": f"{refusal.code}: {refusal.text}"}
+            fields = {"result": False, "values": refusal.coded_text}
         fields = {"status": IN_ROS2[ABORTED], **fields}
         await self.client.send(_told("action_result", result.id, sent.action, **fields))
         if refusal is not None:

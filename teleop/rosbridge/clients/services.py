@@ -25,6 +25,7 @@ from teleop.rosbridge.operations import (
     full_name,
     full_type,
 )
+from teleop.rosbridge.service_calls import silent
 
 CALL_S = 10.0  # until a client must have answered
 LOST_S = CALL_S + 2.0  # the same for who calls: the answer of another web process may get lost
@@ -95,7 +96,7 @@ class ClientServices(Family):
             await self._post.send(self._address, server, Call(number, name, arguments))
             answer = await asyncio.wait_for(waiting, LOST_S)
         except TimeoutError as error:
-            raise NotDone(_silent(name)) from error
+            raise NotDone(silent(name, CALL_S)) from error
         finally:
             del self._asked[number]
         if answer.refusal is not None:
@@ -122,7 +123,7 @@ class ClientServices(Family):
         await self.client.send({"op": "call_service", "id": number, "service": own, "args": call.args})
 
     def _give_up(self, number: str, name: str) -> None:
-        run_in_background(self._end(number, refusal=_silent(name)))
+        run_in_background(self._end(number, refusal=silent(name, CALL_S)))
 
     async def _response(self, response: ServiceResponse) -> None:
         number = str(response.id)
@@ -145,15 +146,6 @@ class ClientServices(Family):
 def _busy(name: str) -> Refusal:
     text = say("More than {most} calls of {service} wait for an answer.", most=MOST_CALLS, service=name)
     return Refusal("busy", text, "wire", {"limit": MOST_CALLS})
-
-
-def _silent(name: str) -> Refusal:
-    text = say(
-        "{service} did not answer within {seconds} s: whether it was carried out is not known.",
-        service=name,
-        seconds=CALL_S,
-    )
-    return Refusal("service_silent", text, "wire", {"service": name})
 
 
 def _failed(response: ServiceResponse) -> Refusal:
