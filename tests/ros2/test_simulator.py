@@ -148,7 +148,7 @@ def test_it_goes_to_a_pose_and_stops_when_all_goals_are_cancelled(visitor: Visit
 def test_its_cameras_publish(visitor: Visitor) -> None:
     for topic in ("/xtion/rgb/image_raw/compressed", "/xtion/depth_registered/image_raw"):
         kind = "sensor_msgs/CompressedImage" if topic.endswith("compressed") else "sensor_msgs/Image"
-        visitor.ask(listen=topic, kind=kind, sensor=True)
+        visitor.ask(listen=topic, kind=kind)
         message = visitor.hear(topic)
         assert message["data"] > 1000
         assert message["header"]["frame_id"] == "xtion_rgb_optical_frame"

@@ -18,6 +18,7 @@ from robots.simulator.ros2.goals import ActionGoals
 from robots.simulator.ros_side import Goals, Stamp
 
 NANO = 1_000_000_000
+REPAIRED = 10  # messages of which lost parts are sent again; with one, a busy computer never gets a large picture whole
 LISTENS = 100  # messages that wait where nobody asks for fewer
 
 
@@ -65,7 +66,7 @@ class RclpySide:
         self, topic: str, kind: str, *, queue: int = 1, kept: bool = False, sensor: bool = False
     ) -> TopicPublisher:
         profile = QoSProfile(
-            depth=queue,
+            depth=queue if kept else max(queue, REPAIRED),
             reliability=ReliabilityPolicy.BEST_EFFORT if sensor else ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
         )

@@ -63,15 +63,14 @@ class CameraPublisher:
         self._robot = robot
         self._thread = thread
         self._model = model
-        self._raw = ros.publisher(f"{model.topic}/image_raw", "sensor_msgs/Image", sensor=True)
+        self._raw = ros.publisher(f"{model.topic}/image_raw", "sensor_msgs/Image")
         self._publishers = [self._raw]
         self._compressed = None
         if model.compressed:
-            self._compressed = ros.publisher(
-                f"{model.topic}/image_raw/compressed", "sensor_msgs/CompressedImage", sensor=True
-            )
+            topic = f"{model.topic}/image_raw/compressed"
+            self._compressed = ros.publisher(topic, "sensor_msgs/CompressedImage")
             self._publishers.append(self._compressed)
-        self._info = ros.publisher(f"{model.topic}/camera_info", "sensor_msgs/CameraInfo", sensor=True)
+        self._info = ros.publisher(f"{model.topic}/camera_info", "sensor_msgs/CameraInfo")
         self._publishers.append(self._info)
         self._number = 0
         self._requested_s = -math.inf

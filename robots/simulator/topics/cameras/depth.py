@@ -29,9 +29,9 @@ class DepthPublisher:
         self._thread = thread
         self._encoding = encoding
         topic = "/xtion/depth_registered"
-        self._image = ros.publisher(f"{topic}/image_raw", "sensor_msgs/Image", sensor=True)
-        self._info = ros.publisher(f"{topic}/camera_info", "sensor_msgs/CameraInfo", sensor=True)
-        self._cloud = ros.publisher(f"{topic}/points", "sensor_msgs/PointCloud2", sensor=True)
+        self._image = ros.publisher(f"{topic}/image_raw", "sensor_msgs/Image")
+        self._info = ros.publisher(f"{topic}/camera_info", "sensor_msgs/CameraInfo")
+        self._cloud = ros.publisher(f"{topic}/points", "sensor_msgs/PointCloud2")
         self._camera = DepthCamera(np.random.default_rng(0))
 
     def publish(self, stamp: Stamp) -> None:
