@@ -40,6 +40,7 @@ from robots.shared.processes.probe_findings import (
 from robots.shared.sentences import reason_of
 from robots.shared.urdf.document import BadDescription
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
+from robots.supervisor.unready import Unready
 
 Level = Literal["ok", "warn", "fail"]
 OK: Level = "ok"
@@ -85,6 +86,9 @@ def run_checks(robot: Robot) -> list[Check]:
                 _("Install it on the console’s computer."),
             )
         ]
+    except Unready as error:
+        advice = _("Do this on the computer of the robot’s bridge.")
+        return [Check(_("software"), FAIL, in_words(reason_of(error)), advice)]
     except OSError as error:
         text = _("The console cannot save them (%s).") % error.strerror
         return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]

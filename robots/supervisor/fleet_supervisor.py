@@ -46,7 +46,8 @@ from robots.supervisor.process_keeper import (
     Keeper,
     Program,
 )
-from robots.supervisor.ros_environment import ONE_ARENA, WrapperMissing, ros_environment
+from robots.supervisor.ros_environment import ONE_ARENA, ros_environment
+from robots.supervisor.unready import Unready
 
 State = BridgeStatus.State
 Report = tuple[State, str, int | None]  # state, detail in words, process id
@@ -250,7 +251,7 @@ class Fleet:
                 self._settled.add(robot.id)
                 return
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
-        except (Problems, WrapperMissing) as error:
+        except (Problems, Unready) as error:
             self._end_robot(robot.id)
             self._report(robot.id, State.REFUSED, reason_of(error), None)
             return

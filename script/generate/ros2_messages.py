@@ -15,11 +15,18 @@ import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from robots.shared.ros2.environment import MESSAGES, ROOT, VERSION, WHEELS, ros_environment, site_packages
+from robots.shared.ros2.environment import (
+    MESSAGES,
+    READY,
+    ROOT,
+    VERSION,
+    WHEELS,
+    ros_environment,
+    site_packages,
+)
 
 DEFINITIONS = ROOT / "robots" / "shared" / "ros2" / "definitions"
 FIELD = re.compile(r"^([a-z][a-z0-9_]*)/[A-Z]", re.MULTILINE)  # the package of a field's type
-READY = MESSAGES / "ready"
 AT_ONCE = 2  # packages; each compiler needs up to 200 MB
 
 PACKAGE = """<?xml version="1.0"?>

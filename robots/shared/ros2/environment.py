@@ -13,6 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
 MESSAGES = WHEELS / "messages"  # packages generated from definitions
+READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
 # The wheels start Python again with the libraries' folders, unless this is set.
 BOOTSTRAPPED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
