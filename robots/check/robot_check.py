@@ -151,7 +151,7 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         yield Listened("map", topics.map.name, topics.map.type, stamped=False)
     for what in ("speech", "motions"):
         action = getattr(topics, what)
-        if action and action.type.endswith("Action"):  # a plain topic for texts has no results
+        if action and action.is_action:  # a plain topic for texts has no results
             yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
     for limb, source in topics.limbs.items():
         yield Listened(limb, f"{source.action}/result", f"{source.type}Result", stamped=True)

@@ -21,7 +21,7 @@ from robots.link.authority import own_files
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.addresses import check_master_uri
 from robots.registry.configuration.profile_schema import Problems
-from robots.registry.models import Allowance, Robot, RobotProfile
+from robots.registry.models import Allowance, Robot, RobotProfile, RosChoice
 from robots.registry.phrases import FALLBACK_LANGUAGE, Line, tags_in
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import (
@@ -36,7 +36,7 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import admissible
 from robots.shared.configuration.gate_profile import GateProfile, Parameters
 from robots.shared.configuration.input_filters import describe
-from robots.shared.configuration.robot_ros import Ros1
+from robots.shared.configuration.robot_ros import Discovery, Ros, Ros1, Ros2
 from robots.shared.sentences import say
 from robots.shared.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
@@ -95,12 +95,17 @@ def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
     """Return the entries, without those that the denylist forbids since an edit of the profile."""
     kinds = Q(profile=robot.profile_id)
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
-    by_name = {
-        (entry.what, entry.use, entry.name): Allowed(
-            cast(What, entry.what), entry.name, entry.type, cast(Use, entry.use), cast(wire.Role, entry.role)
+    given = [
+        Allowed(
+            cast(What, entry.what),
+            entry.name if entry.robot_id else robot_config.in_namespace(robot, entry.name),
+            entry.type,
+            cast(Use, entry.use),
+            cast(wire.Role, entry.role),
         )
         for entry in sorted(entries, key=lambda entry: entry.robot_id is not None)
-    }
+    ]
+    by_name = {(entry.what, entry.use, entry.name): entry for entry in given}
     return admissible((by_name[key] for key in sorted(by_name)), topics)
 
 
@@ -163,14 +168,13 @@ def _listening(address: LinkAddress) -> LinkAddress:
 
 def bridge_config(robot: Robot) -> BridgeConfig:
     """Return the configuration of the robot's bridge. Raises `Problems` if the robot's entry is wrong."""
-    # An entry of an earlier version may have an address that is refused now
-    check_master_uri(robot.master_uri)
+    ros = _ros(robot)
     known = robot_config.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),
         slug=robot.slug,
         name=robot.name,
-        ros=Ros1(robot.master_uri.rstrip("/"), robot.advertised_address or None, robot.host_aliases),
+        ros=ros,
         topics=known.topics,
         gate=known.gate,
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
@@ -181,6 +185,21 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         run_dir=str(settings.FLEET_RUN_DIR),
         recordings=_recording_place(),
         last_fence=robot.fence,
+    )
+
+
+def _ros(robot: Robot) -> Ros:
+    if robot.profile.ros == RosChoice.ONE:
+        # An entry of an earlier version may have an address that is refused now
+        check_master_uri(robot.master_uri)
+        return Ros1(robot.master_uri.rstrip("/"), robot.advertised_address or None, robot.host_aliases)
+    return Ros2(
+        domain_id=robot.domain_id,
+        discovery=cast(Discovery, robot.discovery),
+        static_peers=tuple(robot.static_peers.split()),
+        discovery_server=robot.discovery_server,
+        namespace=robot.namespace,
+        setup=robot.ros_setup,
     )
 
 
@@ -221,13 +240,14 @@ def robot_facts(robot: Robot) -> RobotFacts:
         default_share=known.default_share if known else robot.profile.default_share,
         max_share=robot.max_share,
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
-        drive_topic=robot.drive_topic or robot.profile.drive_topic,
+        drive_topic=robot_config.in_namespace(robot, robot.drive_topic or robot.profile.drive_topic),
         has_head=known is not None and known.topics.head is not None,
         has_map=known is not None and None not in (known.topics.map, known.topics.navigation),
         cameras=_cameras(known.topics) if known else [],
         limbs={limb: limb_range(source) for limb, source in known.topics.limbs.items()} if known else {},
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
         stick=describe(known.stick if known else ()),
+        ros=robot.profile.ros,
     )
 
 

@@ -20,6 +20,8 @@ from robots.registry.phrases import Line, read_file
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.gate_profile import Limits
 from robots.shared.configuration.input_filters import DEFAULT, StickStep
+from robots.shared.configuration.robot_ros import RosVersion
+from robots.shared.messages.type_names import in_ros2
 from robots.shared.wire import ReverseSteering
 
 DIRECTORY = Path(__file__).parent / "profiles"
@@ -41,6 +43,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     gate: dict[str, float]
     stick: tuple[StickStep, ...] = DEFAULT
     phrases: str | None = None  # name of a file next to this one
+    ros: RosVersion = 1
 
     def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
         """Return the profile's shipped phrases."""
@@ -57,10 +60,35 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
     """Return every shipped profile, sorted by file name."""
-    return [
-        msgspec.convert(yaml.safe_load(path.read_text(encoding="utf-8")), ProfileFile)
-        for path in sorted(directory.glob("*.yaml"))
-    ]
+    read = (yaml.safe_load(path.read_text(encoding="utf-8")) for path in sorted(directory.glob("*.yaml")))
+    by_slug = {data["slug"]: data for data in read}
+    return [msgspec.convert(_whole(data, by_slug), ProfileFile) for data in by_slug.values()]
+
+
+def _whole(data: dict[str, Any], by_slug: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return a file's content with what it takes from the profile that it is `like`.
+
+    Its own keys win, each key of `topics` too; null: it has no such topic. Types of messages get the names of its ROS.
+    """
+    if "like" not in data:
+        return data
+    other = by_slug[data["like"]]
+    topics = {
+        key: value for key, value in (other["topics"] | data.get("topics", {})).items() if value is not None
+    }
+    own = {key: value for key, value in data.items() if key != "like"}
+    merged = other | own | {"topics": topics}
+    return _typed(merged) if merged.get("ros") == 2 else merged
+
+
+def _typed(value: Any) -> Any:
+    """Return the value with ROS 2's names of all types of messages in it."""
+    match value:
+        case list():
+            return [_typed(item) for item in value]
+        case dict():
+            return {key: in_ros2(item) if key == "type" else _typed(item) for key, item in value.items()}
+    return value
 
 
 def fill(profile: RobotProfile, file: ProfileFile) -> None:

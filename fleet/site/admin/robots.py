@@ -29,10 +29,11 @@ from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base.formats.sentences import in_words, localised
 from fleet.base.web.time_takers import may_take_time
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
+from fleet.site.reached_fields import FIRST, OTHERS, ReachedFields, ros_of
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
 from robots.registry.bridge_hosts import free_addresses
-from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role, RosChoice
 from robots.registry.selectors import free_slug, last_editor
 from robots.shared.processes.one_supervisor import LOCK, supervised
 from robots.shared.sentences import of_parts
@@ -61,6 +62,17 @@ def rows(kind: str, example: str) -> forms.Textarea:
     return forms.Textarea(attrs={"class": "vLargeTextField json", "spellcheck": "false", **extra})
 
 
+NETWORK_NOTES = {
+    RosChoice.ONE: _(
+        "ROS nodes call each other back by name, so names must resolve both ways. Most faults in a lab "
+        "are here; the check after saving finds them. Example: advertised address 10.68.0.2, host "
+        "aliases tiago-42c with the value 10.68.0.1."
+    ),
+    RosChoice.TWO: _(
+        "Nodes find each other by multicast. Where it does not reach the robot, as in many wireless networks, write "
+        "its addresses, or its discovery server."
+    ),
+}
 ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true also while no supervisor runs
 
 
@@ -126,7 +138,17 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         return as_of
 
 
-class RobotForm(FreshForm):
+EXAMPLES = {
+    "master_uri": "http://tiago-42c:11311",
+    "advertised_address": "10.68.0.2",
+    "static_peers": "10.68.0.1",
+    "discovery_server": "10.68.0.1:11811",
+    "namespace": "/tiago1",
+    "ros_setup": "/opt/ros/jazzy/setup.bash",
+}
+
+
+class RobotForm(ReachedFields, FreshForm):
     """The form of a robot. If the slug is empty, it is made from the name."""
 
     class Meta:
@@ -139,10 +161,9 @@ class RobotForm(FreshForm):
         super().__init__(*args, **kwargs)
         if "slug" in self.fields:
             self.fields["slug"].required = False
-        if "master_uri" in self.fields:
-            self.fields["master_uri"].widget.attrs["placeholder"] = "http://tiago-42c:11311"
-        if "advertised_address" in self.fields:
-            self.fields["advertised_address"].widget.attrs["placeholder"] = "10.68.0.2"
+        for name, example in EXAMPLES.items():
+            if name in self.fields:
+                self.fields[name].widget.attrs["placeholder"] = example
         if "bridge_address" in self.fields and (free := free_addresses()):
             self.fields["bridge_address"].help_text += " " + gettext("Free: %s") % ", ".join(free)
 
@@ -167,7 +188,7 @@ class RobotAdmin(RecordedAdmin):
         "bridge_state",
         "check_link",
     ]
-    list_filter = ["enabled", "practice", "profile"]
+    list_filter = ["enabled", "practice", "profile", "profile__ros"]
     list_select_related = ["profile", "bridge"]
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
@@ -176,49 +197,33 @@ class RobotAdmin(RecordedAdmin):
     formfield_overrides = READABLE
     actions = ["copy_robots", "export_robots", "delete_robots"]
     inlines = [RoleInline, NewRoleInline, AllowanceInline]
-    fieldsets = [
-        (
-            None,
-            {
-                "fields": [
-                    "name",
-                    "slug",
-                    "profile",
-                    "master_uri",
-                    "room",
-                    "enabled",
-                    "bridge_state",
-                    "check_link",
-                    "lists",
-                    "as_of",
-                ]
-            },
-        ),
-        (
-            _("Network"),
-            {
-                "classes": ["collapse"],
-                "fields": ["advertised_address", "host_aliases", "bridge_address"],
-                "description": _(
-                    "ROS nodes call each other back by name, so names must resolve both ways. Most faults in a lab "
-                    "are here; the check after saving finds them. Example: advertised address 10.68.0.2, host "
-                    "aliases tiago-42c with the value 10.68.0.1."
-                ),
-            },
-        ),
-        (
-            _("Differences from its kind"),
-            {
-                "classes": ["collapse"],
-                "fields": ["practice", "drive_topic", "default_share", "max_share", "overrides", "stick"],
-                "description": _(
-                    "Leave this as it is for a robot like all others of its profile. A change takes effect within "
-                    "3 s; this robot stops for it, other robots do not. Example of an override: "
-                    "limits.forward_mps with the value 0.5."
-                ),
-            },
-        ),
-    ]
+    differences = (
+        _("Differences from its kind"),
+        {
+            "classes": ["collapse"],
+            "fields": ["practice", "drive_topic", "default_share", "max_share", "overrides", "stick"],
+            "description": _(
+                "Leave this as it is for a robot like all others of its profile. A change takes effect within "
+                "3 s; this robot stops for it, other robots do not. Example of an override: "
+                "limits.forward_mps with the value 0.5."
+            ),
+        },
+    )
+
+    def get_fieldsets(self, request: HttpRequest, obj: Robot | None = None) -> Any:
+        """Return the parts of the form, with the fields of the ROS of the robot's profile."""
+        ros = ros_of(request, obj)
+        first = ["name", "slug", "profile", *FIRST[ros], "room", "enabled"]
+        network = {
+            "classes": ["collapse"],
+            "fields": [*OTHERS[ros], "bridge_address"],
+            "description": NETWORK_NOTES[ros],
+        }
+        return [
+            (None, {"fields": [*first, "bridge_state", "check_link", "lists", "as_of"]}),
+            (_("Network"), network),
+            self.differences,
+        ]
 
     def get_inlines(self, request: HttpRequest, obj: Robot | None) -> list[Any]:
         """A new robot has no roles yet."""
@@ -238,8 +243,8 @@ class RobotAdmin(RecordedAdmin):
     @admin.action(description=_("Export the settings (JSON)"))
     def export_robots(self, request: HttpRequest, queryset: QuerySet[Robot]) -> HttpResponse:
         """Return the settings of each robot, as the registry has them."""
-        fields = [*(field for part in self.fieldsets for field in part[1]["fields"]), "id"]
-        columns = [one for one in Robot._meta.concrete_fields if one.name in fields]
+        hidden = {"fence", "updated_at"}
+        columns = [one for one in Robot._meta.concrete_fields if one.name not in hidden]
         found = [
             {one.name: one.value_from_object(robot) for one in columns} | {"profile": robot.profile.slug}
             for robot in queryset.select_related("profile")
@@ -371,7 +376,7 @@ class RobotRoleAdmin(RecordedAdmin):
 class RobotProfileAdmin(RecordedAdmin):
     """Kinds of robots."""
 
-    list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
+    list_display = ["name", "slug", "ros", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
     readonly_fields = ["source", "lists", "updated_at"]
     form = FreshForm
     formfield_overrides = READABLE
@@ -379,7 +384,7 @@ class RobotProfileAdmin(RecordedAdmin):
     inlines = [AllowanceInline]
     save_as = True
     fieldsets = [
-        (None, {"fields": ["name", "slug", "holonomic", "source", "lists", "as_of"]}),
+        (None, {"fields": ["name", "slug", "holonomic", "ros", "source", "lists", "as_of"]}),
         (
             _("Limits"),
             {

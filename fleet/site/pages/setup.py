@@ -11,6 +11,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.forms import BaseUserCreationForm
 from django.core.exceptions import ValidationError
 from django.db import DatabaseError
+from django.forms import modelform_factory
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
 from django.urls import path
@@ -22,6 +23,7 @@ from django.views.decorators.http import require_http_methods, require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import GetResponse, staff_of
 from fleet.accounts.sign_in import first_run, throttle
+from fleet.site.reached_fields import FIRST, ReachedFields, ros_of
 from robots.check.robot_check import FAIL, run_checks
 from robots.registry import services
 from robots.registry.models import Robot
@@ -51,12 +53,12 @@ class AdminForm(BaseUserCreationForm):  # type: ignore[type-arg]  # not subscrip
         fields = ("username", "full_name", "email")
 
 
-class RobotForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A new robot: name, profile and ROS master."""
+class RobotForm(ReachedFields, forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A new robot: its name, its profile, and how it is reached."""
 
     class Meta:
         model = Robot
-        fields = ("name", "profile", "master_uri")
+        fields = ("name", "profile")
 
 
 def leads_to_setup(get_response: GetResponse) -> GetResponse:
@@ -113,7 +115,8 @@ def _made(request: HttpRequest, form: AdminForm) -> int:
 def first_robot(request: HttpRequest) -> HttpResponse:
     """Add a robot, then check it."""
     person = staff_of(request, _STAFF_ONLY)
-    form = RobotForm(request.POST or None)
+    ros = ros_of(request, None)
+    form = modelform_factory(Robot, RobotForm, fields=["name", "profile", *FIRST[ros]])(request.POST or None)
     if form.is_valid():
         robot = form.save(commit=False)
         robot.slug = free_slug(Robot, robot.name)

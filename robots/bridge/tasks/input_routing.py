@@ -339,6 +339,6 @@ def _silent(choice: _Route) -> Refusal:
 
 def goal_topic(topic: Topic) -> Topic:
     """Return the topic that takes the input: an action's goal topic, or the topic itself."""
-    if topic.type.endswith("Action"):
+    if topic.is_action:
         return Topic(f"{topic.name}/goal", f"{topic.type}Goal")
     return topic

@@ -13,6 +13,7 @@ from robots.bridge.tasks.task import HALTED, WHILE_HELD, Context, Ending, TaskPa
 from robots.shared import wire
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.messages import twists
+from robots.shared.messages.type_names import bare
 from robots.shared.records.record_sink import Parameters
 from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
@@ -82,7 +83,7 @@ class Publications(TaskPart):
         """
         topic = self._context.tasks.part(InputRouting).topic("drive")
         type_name = self._context.config.topics.drive.type
-        if (order.topic, order.type) != (topic, type_name):
+        if (order.topic, bare(order.type)) != (topic, bare(type_name)):
             text = say(
                 "Publish velocities on {topic} as {type} only: they pass the gate there.",
                 topic=topic,

@@ -7,6 +7,7 @@ import re
 from urllib.parse import urlsplit
 
 from robots.registry.configuration.profile_schema import Problems
+from robots.shared.configuration.denylist import FULL_NAME
 from robots.shared.sentences import Sentence, joined, say
 
 _NO_IPV6 = say("ROS 1 nodes reach each other by IPv4: write the robot’s IPv4 address or its name.")
@@ -18,7 +19,57 @@ _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?
 
 def check_master_uri(uri: str) -> None:
     """Accept http://host:port, without IPv6; else raise `Problems`."""
+    if not uri:
+        raise Problems(
+            [
+                say(
+                    "Write the address of the robot’s ROS master, such as {example}.",
+                    example="http://tiago-42c:11311",
+                )
+            ]
+        )
     _check_url(uri, "http", "http://tiago-42c:11311")
+
+
+def check_peers(peers: str) -> None:
+    """Accept IP addresses and host names with spaces between them; else raise `Problems`."""
+    problems = [
+        _nobodys(peer) if _is_host(peer) else _not_a_host(peer) for peer in peers.split() if _is_no_peer(peer)
+    ]
+    if problems:
+        raise Problems(problems)
+
+
+def _is_no_peer(peer: str) -> bool:
+    return not _is_host(peer) or _is_nobodys(peer)
+
+
+def check_discovery_server(address: str) -> None:
+    """Accept an empty text or host:port; else raise `Problems`."""
+    if not address:
+        return
+    host, _, port = address.rpartition(":")
+    if (
+        _is_no_peer(host)
+        or _is_ipv6(host)
+        or not (port.isascii() and port.isdigit() and 0 < int(port) < 65536)
+    ):
+        words = "{address} is not host:port, such as 10.68.0.1:11811."
+        raise Problems([say(words, address=repr(address))])
+
+
+def check_namespace(namespace: str) -> None:
+    """Accept an empty text or a full ROS name; else raise `Problems`."""
+    if namespace and not FULL_NAME.fullmatch(namespace):
+        words = "{name} is not a namespace such as /tiago1 (leading slash, letters, digits, _)."
+        raise Problems([say(words, name=repr(namespace))])
+
+
+def check_setup(path: str) -> None:
+    """Accept an empty text or a full path; else raise `Problems`. The script is on the bridge's computer."""
+    if path and not re.fullmatch(r"/[^\x00-\x1f]+", path):
+        words = "{path} is not a full path such as /opt/ros/jazzy/setup.bash."
+        raise Problems([say(words, path=repr(path))])
 
 
 def check_bridge_address(address: str) -> None:

@@ -19,6 +19,7 @@ from robots.shared.configuration.bridge_config import (
     GRIPPER_COMMAND,
     TOPIC_TYPES,
     TRAJECTORY,
+    TRAJECTORY_2,
     ArmSource,
     CameraSource,
     DepthSource,
@@ -33,6 +34,8 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import FULL_NAME
 from robots.shared.configuration.gate_profile import Parameters
 from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
+from robots.shared.configuration.robot_ros import RosVersion
+from robots.shared.messages.type_names import in_ros2
 from robots.shared.misfits import misfit_of
 from robots.shared.sentences import Sentence, joined, say
 from robots.shared.wire import MOST_CAMERAS
@@ -40,7 +43,10 @@ from robots.shared.wire import MOST_CAMERAS
 T = TypeVar("T", bound=Struct)
 V = TypeVar("V")
 
-CAMERA_TYPES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
+_PICTURES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
+CAMERA_TYPES = {1: _PICTURES, 2: tuple(map(in_ros2, _PICTURES))}
+NAVIGATION_TYPES = {1: ("move_base_msgs/MoveBaseAction",), 2: ("nav2_msgs/action/NavigateToPose",)}
+LIMB_TYPES = {1: (TRAJECTORY,), 2: (TRAJECTORY_2,)}
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 
@@ -152,9 +158,9 @@ def _join(path: str, key: str | int) -> str:
 _LEAST = 1e-9  # of a value that must be above zero
 
 
-def topic_problems(topics: Topics) -> Iterator[str]:
-    """Yield faults of names, types and poses, and duplicates."""
-    for field, understood in TOPIC_TYPES.items():
+def topic_problems(topics: Topics, ros: RosVersion = 1) -> Iterator[str]:
+    """Yield faults of names, of types of this ROS, of poses, and duplicates."""
+    for field, understood in TOPIC_TYPES[ros].items():
         source = getattr(topics, field)
         if source is None:
             continue
@@ -173,11 +179,11 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _pose_problems(scan, f"scans[{index}]")
     for index, sonar in enumerate(topics.sonars):
         yield from _sonar_problems(sonar, f"sonars[{index}]")
-    yield from _camera_problems(topics.cameras)
+    yield from _camera_problems(topics.cameras, ros)
     if topics.navigation:
-        yield from _navigation_problems(topics.navigation)
+        yield from _navigation_problems(topics.navigation, ros)
     for limb, joints in topics.limbs.items():
-        yield from _limb_problems(joints, limb)
+        yield from _limb_problems(joints, limb, ros)
         yield from _unseen(limb, topics)
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
@@ -209,7 +215,7 @@ def _depth_problems(depth: DepthSource) -> Iterator[str]:
     yield from _base_frame_problem("depth", depth)
 
 
-def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
+def _camera_problems(cameras: list[CameraSource], ros: RosVersion) -> Iterator[str]:
     if len(cameras) > MOST_CAMERAS:
         yield say("cameras: at most {most}, not {count}", most=MOST_CAMERAS, count=len(cameras))
     for index, camera in enumerate(cameras):
@@ -221,7 +227,7 @@ def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
                 name=repr(camera.name),
             )
         yield from _name_problem(camera.topic, f"{path}.topic")
-        yield from _kind_problem(path, camera.type, CAMERA_TYPES)
+        yield from _kind_problem(path, camera.type, CAMERA_TYPES[ros])
         if camera.info is not None:
             yield from _name_problem(camera.info, f"{path}.info")
         yield from _base_frame_problem(path, camera)
@@ -262,10 +268,10 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
                 yield say("{place}: its radius must be above zero", place=place)
 
 
-def _limb_problems(limb: LimbSource, path: str) -> Iterator[str]:
+def _limb_problems(limb: LimbSource, path: str, ros: RosVersion) -> Iterator[str]:
     yield from _name_problem(limb.action, f"{path}.action")
-    types = (TRAJECTORY, GRIPPER_COMMAND) if path == "gripper" else (TRAJECTORY,)
-    yield from _kind_problem(path, limb.type, types)
+    commands = (GRIPPER_COMMAND,) if path == "gripper" and ros == 1 else ()
+    yield from _kind_problem(path, limb.type, LIMB_TYPES[ros] + commands)
     force = f"{path}.effort_n"
     if (limb.type == GRIPPER_COMMAND) != (limb.effort_n is not None):
         yield say("{place}: belongs to the type {kind}, which needs it", place=force, kind=GRIPPER_COMMAND)
@@ -281,14 +287,11 @@ def _limb_problems(limb: LimbSource, path: str) -> Iterator[str]:
     yield from _doublets(limb.joints, path, "joints")
 
 
-NAVIGATION_TYPES = ("move_base_msgs/MoveBaseAction",)
-
-
-def _navigation_problems(navigation: NavigationSource) -> Iterator[str]:
+def _navigation_problems(navigation: NavigationSource, ros: RosVersion) -> Iterator[str]:
     for field in ("action", "velocity", "pose", "plan", "set_pose"):
         if (name := getattr(navigation, field)) is not None:
             yield from _name_problem(name, f"navigation.{field}")
-    yield from _kind_problem("navigation", navigation.type, NAVIGATION_TYPES)
+    yield from _kind_problem("navigation", navigation.type, NAVIGATION_TYPES[ros])
     if navigation.frame != "map":
         frame = repr(navigation.frame)
         yield say("navigation.frame: must be 'map', the frame of the map, not {frame}", frame=frame)

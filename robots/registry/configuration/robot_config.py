@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -34,6 +34,7 @@ from robots.registry.configuration.profile_schema import (
 from robots.shared.configuration.bridge_config import ArmSource, DepthSource, Topic, Topics
 from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits, Parameters
 from robots.shared.configuration.input_filters import StickStep
+from robots.shared.configuration.robot_ros import RosVersion
 from robots.shared.sentences import say
 
 BEGINNER_MPS = 0.4  # highest speed of a full stick before a person raises the speed share
@@ -47,6 +48,7 @@ class ProfileFields(Protocol):
     reverse_mps: float
     lateral_mps: float
     default_share: float
+    ros: int
     drive_topic: str
     drive_type: str
     footprint: Any
@@ -62,6 +64,7 @@ class RobotFields(Protocol):
     def profile(self) -> ProfileFields: ...
 
     enabled: bool
+    namespace: str
     drive_topic: str
     default_share: float | None
     max_share: float
@@ -111,7 +114,8 @@ def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
     if "drive" in rest:
         raise Problems([say('drive: belongs into the field "drive topic"')])
     drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
-    return checked(topic_problems, parsed(Topics, {"drive": drive, **rest}))
+    ros: RosVersion = 2 if profile.ros == 2 else 1
+    return checked(lambda given: topic_problems(given, ros), parsed(Topics, {"drive": drive, **rest}))
 
 
 # --- of a robot ----------------------------------------------------------------------------------
@@ -162,7 +166,29 @@ def topics(robot: RobotFields) -> Topics:
 def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
     merged = {**robot.profile.topics, **own.topics}
     given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
-    return checked(lambda given: _sensor_faults(given, expected), given)
+    return in_namespace(robot, checked(lambda given: _sensor_faults(given, expected), given))
+
+
+V = TypeVar("V")
+
+
+def in_namespace(robot: RobotFields, named: V) -> V:
+    """Return topics, or a name, as this robot has them: the registry's names are without the robot's namespace."""
+    if robot.profile.ros != 2 or not robot.namespace:
+        return named
+    return msgspec.convert(_prefixed(msgspec.to_builtins(named), robot.namespace), type(named))
+
+
+def _prefixed(value: Any, namespace: str) -> Any:
+    """Put the namespace before all names within the value: only they begin with a slash."""
+    match value:
+        case str():
+            return namespace + value if value.startswith("/") else value
+        case list() | tuple():
+            return [_prefixed(item, namespace) for item in value]
+        case dict():
+            return {key: _prefixed(item, namespace) for key, item in value.items()}
+    return value
 
 
 def _sensor_faults(given: Topics, profile: Topics) -> Iterator[str]:

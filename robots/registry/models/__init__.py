@@ -14,6 +14,7 @@ from robots.registry.models.registry import (
     RobotProfile,
     RobotRole,
     Role,
+    RosChoice,
     default_stick,
 )
 
@@ -31,6 +32,7 @@ __all__ = [
     "RobotProfile",
     "RobotRole",
     "Role",
+    "RosChoice",
     "check_phrase_language",
     "check_phrase_text",
     "default_stick",

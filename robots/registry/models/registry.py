@@ -13,7 +13,7 @@ from django.core.validators import MaxValueValidator, MinValueValidator, RegexVa
 from django.db import models
 from django.utils.functional import cached_property
 from django.utils.text import format_lazy
-from django.utils.translation import gettext
+from django.utils.translation import gettext, gettext_noop
 from django.utils.translation import gettext_lazy as _
 
 from fleet.base.formats.sentences import in_words
@@ -63,6 +63,21 @@ class Role(models.TextChoices):
 
     def __ge__(self, other: str) -> bool:
         return self.rank >= Role(other).rank
+
+
+class RosChoice(models.IntegerChoices):
+    """The ROS of a kind of robot."""
+
+    ONE = 1, "ROS 1"
+    TWO = 2, "ROS 2"
+
+
+class Discovery(models.TextChoices):
+    """How far a ROS 2 robot's nodes are searched."""
+
+    SUBNET = "subnet", _("In this computer’s networks, by multicast")
+    LOCALHOST = "localhost", _("On this computer only")
+    OFF = "off", _("Not at all, only at the static peers")
 
 
 class ReverseSteering(models.TextChoices):
@@ -133,6 +148,13 @@ class RobotProfile(models.Model):
     reverse_steering = models.CharField(
         _("steering in reverse"), max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
     )
+    ros = models.PositiveSmallIntegerField(
+        "ROS",
+        choices=RosChoice.choices,
+        default=RosChoice.ONE,
+        db_default=1,
+        help_text=_("A robot’s form asks how it is reached there: by a master, or in a domain."),
+    )
     drive_topic = models.CharField(
         _("drive topic"),
         max_length=200,
@@ -148,8 +170,8 @@ class RobotProfile(models.Model):
     drive_type = models.CharField(
         _("drive type"),
         max_length=80,
-        choices=[(name, name) for name in TOPIC_TYPES["drive"]],
-        default=TOPIC_TYPES["drive"][0],
+        choices=[(name, name) for types in TOPIC_TYPES.values() for name in types["drive"]],
+        default=TOPIC_TYPES[1]["drive"][0],
     )
     footprint = models.JSONField(
         _("footprint"),
@@ -215,6 +237,24 @@ class RobotProfile(models.Model):
             raise ValidationError(errors)
 
 
+# The fields by which a robot is reached, by its ROS, with their checks
+_REACHED: dict[int, dict[str, Callable[[Any], object]]] = {
+    RosChoice.ONE: {
+        "master_uri": addresses.check_master_uri,
+        "advertised_address": addresses.check_advertised_address,
+        "host_aliases": addresses.check_aliases,
+    },
+    RosChoice.TWO: {
+        "static_peers": addresses.check_peers,
+        "discovery_server": addresses.check_discovery_server,
+        "namespace": addresses.check_namespace,
+        "ros_setup": addresses.check_setup,
+    },
+}
+_SEARCHED = ("discovery", "static_peers", "discovery_server", "namespace")
+_TWIN = gettext_noop(
+    "%(robot)s is in this domain already: give one of the two another domain or a namespace."
+)
 _ALIKE = _("This name looks the same as that of another robot: choose another one.")
 
 
@@ -248,9 +288,11 @@ class Robot(models.Model):
         help_text=_("The pages mark it as simulated, so that nobody mistakes it for a real robot."),
     )
 
+    # How a robot with ROS 1 is reached; if its profile has ROS 2, this is not used.
     master_uri = models.CharField(
         _("ROS master"),
         max_length=200,
+        blank=True,
         help_text=_("ROS_MASTER_URI of the robot, such as http://tiago-42c:11311."),
     )
     advertised_address = models.CharField(
@@ -271,6 +313,61 @@ class Robot(models.Model):
             '{"tiago-42c": "10.68.0.1"}.'
         ),
     )
+    # How a robot with ROS 2 is reached
+    domain_id = models.PositiveSmallIntegerField(
+        _("domain"),
+        default=0,
+        db_default=0,
+        validators=_between(0, 101),
+        help_text=_("ROS_DOMAIN_ID of the robot, 0 to 101."),
+    )
+    discovery = models.CharField(
+        _("search for the robot"),
+        max_length=10,
+        choices=Discovery.choices,
+        default=Discovery.SUBNET,
+        db_default="subnet",
+        help_text=_("Unused with a discovery server."),
+    )
+    static_peers = models.CharField(
+        _("static peers"),
+        max_length=400,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_(
+            "Addresses of the robot’s computers, with spaces between them, if multicast does not reach them: "
+            "10.68.0.1 tiago-42c."
+        ),
+    )
+    discovery_server = models.CharField(
+        _("discovery server"),
+        max_length=200,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_("host:port of the robot’s discovery server, if it has one: 10.68.0.1:11811."),
+    )
+    namespace = models.CharField(
+        _("namespace"),
+        max_length=100,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_("Stands before all of the robot’s names, if several robots share a domain: /tiago1."),
+    )
+    ros_setup = models.CharField(
+        _("set-up script of ROS"),
+        max_length=300,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_(
+            "Of the distribution on the bridge’s computer whose rclpy and messages are used, such as "
+            "/opt/ros/jazzy/setup.bash. Empty: the console’s own packages."
+        ),
+    )
+
     bridge_address = models.CharField(
         _("bridge address"),
         max_length=200,
@@ -345,10 +442,12 @@ class Robot(models.Model):
         """Raise `ValidationError`: a name, address or alias is wrong, or an entry is less strict than the profile."""
         self._check_names()
         errors: dict[str, list[str]] = {}
-        _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
-        _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
-        _collect(errors, "host_aliases", addresses.check_aliases, self.host_aliases)
         _collect(errors, "bridge_address", addresses.check_bridge_address, self.bridge_address)
+        if self.profile_id is not None:
+            for field, check in _REACHED[self.profile.ros].items():
+                _collect(errors, field, check, getattr(self, field))
+            if twin := self._twin():
+                errors["domain_id"] = [gettext(_TWIN) % {"robot": twin}]
         if self.profile_id is not None:
             _collect(errors, "overrides", robot_config.check_overrides, self)
             _collect(errors, "stick", robot_config.stick, self)
@@ -364,6 +463,14 @@ class Robot(models.Model):
             raise ValidationError({"name": ValidationError(_ALIKE, code="name_alike")})
         if self._state.adding:
             require(self.slug, fault_of_word)
+
+    def _twin(self) -> Robot | None:
+        """Return another robot with ROS 2 whose topics would be the same: a twist for one would move both."""
+        if not self.enabled or self.profile.ros != RosChoice.TWO:
+            return None
+        same = {name: getattr(self, name) for name in ("enabled", "bridge_address", "domain_id", *_SEARCHED)}
+        others = Robot.objects.filter(profile__ros=RosChoice.TWO, **same)
+        return others.exclude(pk=self.pk).first()
 
     @cached_property
     def problems(self) -> str:

@@ -14,17 +14,23 @@ from msgspec import Struct
 
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.configuration.input_filters import StickStep
-from robots.shared.configuration.robot_ros import Ros
+from robots.shared.configuration.robot_ros import Ros, RosVersion
+from robots.shared.messages.type_names import in_ros2, is_action
 from robots.shared.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
 
 
 class Topic(Struct, frozen=True):
-    """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist")."""
+    """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist"), as the robot's ROS writes it."""
 
     name: str
     type: str
+
+    @property
+    def is_action(self) -> bool:
+        """Whether this is an action: its topics and services begin with its name."""
+        return is_action(self.type)
 
 
 class ScanSource(Struct, frozen=True):
@@ -103,6 +109,7 @@ class ArmSource(Struct, frozen=True):
 
 
 TRAJECTORY, GRIPPER_COMMAND = "control_msgs/FollowJointTrajectoryAction", "control_msgs/GripperCommandAction"
+TRAJECTORY_2 = "control_msgs/action/FollowJointTrajectory"
 
 
 class LimbSource(Struct, frozen=True):
@@ -137,7 +144,7 @@ class NavigationSource(Struct, frozen=True):
 
 
 # The types that are understood, by field of `Topics`
-TOPIC_TYPES = {
+_TYPES: dict[str, tuple[str, ...]] = {
     "drive": ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"),
     "speech": ("pal_interaction_msgs/TtsAction", "std_msgs/String", "sound_play/SoundRequest"),
     "motions": ("play_motion_msgs/PlayMotionAction",),
@@ -148,6 +155,14 @@ TOPIC_TYPES = {
     "charging": ("std_msgs/Bool",),
     "diagnostics": ("diagnostic_msgs/DiagnosticArray",),
     "map": ("nav_msgs/OccupancyGrid",),  # in the frame "map", latched
+}
+_TYPES_2 = {
+    "speech": ("tts_msgs/action/TTS", "communication_skills/action/Say"),
+    "motions": ("play_motion2_msgs/action/PlayMotion2",),
+}
+TOPIC_TYPES: dict[RosVersion, dict[str, tuple[str, ...]]] = {
+    1: _TYPES,
+    2: {field: tuple(map(in_ros2, types)) for field, types in _TYPES.items()} | _TYPES_2,
 }
 
 

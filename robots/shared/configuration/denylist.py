@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 from typing import get_args
 
 from robots.shared.configuration.bridge_config import Allowed, Topic, Topics
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Field, Use
 
@@ -56,8 +57,8 @@ _SENT_TYPES = {
     _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|(ackermann|gazebo)_msgs/.*|.*/\w*(Twist|Velocit|CmdVel|Speed)\w*",
     say("controllers bypass the gate"): r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
     r".*/\w*JointTrajectory\w*",
-    say("goals, cancels and their answers go through the console’s tasks"): r"actionlib_msgs/.*|"
-    r".*/\w+Action(Goal|Result|Feedback)?",
+    say("goals, cancels and their answers go through the console’s tasks"): r"action(lib)?_msgs/.*|"
+    r".*/\w+Action(Goal|Result|Feedback)?|.*/action/.*",
     say("joysticks must override the console"): r".*/\w*Joy\w*",
     say("the gate uses scans and ranges"): r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
     say("the gate uses depth images and clouds"): r".*/\w*(PointCloud|Image|CameraInfo)\w*|"
@@ -72,8 +73,9 @@ _CALLED_TYPES = {
     _VELOCITY: r".*/\w*(Twist|Velocit|CmdVel|Speed)\w*|gazebo_msgs/.*",
     say(
         "controllers and their configuration bypass the gate"
-    ): r"(controller_manager_msgs|dynamic_reconfigure|"
+    ): r"(controller_manager_msgs|dynamic_reconfigure|rcl_interfaces|lifecycle_msgs|composition_interfaces|"
     r"topic_tools|nodelet|rosapi)/.*|.*/\w*(Controller|Reconfigure|SetParam)\w*",
+    say("goals and cancels of actions go through the console’s tasks"): r"action_msgs/.*|.*/action/.*",
     say("the gate uses depth images and clouds"): r".*/\w*SetCameraInfo",
     say("the gate uses odometry"): r"robot_localization/.*|.*/\w*Odom\w*",
     say("power belongs to the robot"): r"power_msgs/.*",
@@ -171,7 +173,8 @@ def _words(name: str) -> str:
 
 
 def _by_type(type: str, groups: dict[Sentence, str]) -> Iterator[str]:
-    return (why for why, meant in groups.items() if re.fullmatch(meant, type))
+    names = {type, bare(type)}
+    return (why for why, meant in groups.items() if any(re.fullmatch(meant, name) for name in names))
 
 
 def _by_parts(type: str, fields: Iterable[Field]) -> Iterator[str]:

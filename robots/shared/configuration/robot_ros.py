@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 
 from msgspec import Struct
 
+RosVersion = Literal[1, 2]
 Discovery = Literal["subnet", "localhost", "off"]
 
 

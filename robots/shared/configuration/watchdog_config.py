@@ -42,9 +42,7 @@ def watchdog_config(config: BridgeConfig) -> WatchdogConfig:
     """Return the watchdog's part of a bridge's configuration."""
     topics = config.topics
     actions = {*topics.cancelled}
-    actions |= {
-        topic.name for topic in (topics.motions, topics.speech) if topic and topic.type.endswith("Action")
-    }
+    actions |= {topic.name for topic in (topics.motions, topics.speech) if topic and topic.is_action}
     if topics.motions:
         actions |= {one.name for one in config.allowed if one.what == "choose" and one.use == "motions"}
     return WatchdogConfig(

@@ -7,6 +7,7 @@ from typing import Any
 
 from robots.shared.geometry.poses import Velocity
 from robots.shared.messages.fields import BadField, fit_fields
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import Field, Refusal
 
@@ -26,10 +27,10 @@ TYPES = tuple(_DEFINITIONS)
 def velocity_from(fields: Mapping[str, Any], type_name: str) -> Velocity | Refusal:
     """Return the planar velocity (m/s, rad/s), or a refusal of the first field that a base cannot follow."""
     try:
-        given = fit_fields(_DEFINITIONS[type_name], fields)
+        given = fit_fields(_DEFINITIONS[bare(type_name)], fields)
     except BadField as error:
         return error.refusal
-    twist, prefix = (given, "") if type_name == TYPES[0] else (given.get("twist", {}), "twist.")
+    twist, prefix = (given, "") if bare(type_name) == TYPES[0] else (given.get("twist", {}), "twist.")
     for part, vector in twist.items():
         for axis, speed in vector.items():
             if speed and (part, axis) not in _PLANAR:

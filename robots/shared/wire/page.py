@@ -204,6 +204,7 @@ class RobotFacts(Worded, frozen=True):
     has_map: bool = False  # it has a map, and navigation that drives to places
     cameras: list[CameraEntry] = []  # cameras that people can watch
     limbs: dict[Limb, LimbRange] = {}  # limbs that people can move
+    ros: int = 1  # 1 or 2
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):

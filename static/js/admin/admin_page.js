@@ -4,6 +4,7 @@
 
 import { showRows } from "./pairs.js";
 import { suggestPeople } from "./people.js";
+import "../lib/reached_fields.js";
 
 for (const box of document.querySelectorAll("textarea[data-pairs]")) showRows(box);
 for (const input of document.querySelectorAll("input[data-people]")) suggestPeople(input);

@@ -105,7 +105,7 @@ def actions_of(topics: Topics) -> dict[str, RobotAction]:
     found: dict[str, RobotAction] = {}
     if topics.motions:
         found[topics.motions.name] = RobotAction(topics.motions.type, _motion, wire.PlayCancel)
-    if topics.speech and topics.speech.type.endswith("Action"):
+    if topics.speech and topics.speech.is_action:
         language = topics.languages[0] if topics.languages else "en"
         found[topics.speech.name] = RobotAction(
             topics.speech.type, partial(_speech, language), wire.SayCancel

@@ -7,6 +7,7 @@ from typing import Any
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared.configuration.bridge_config import CLIENTS
+from robots.shared.messages.type_names import is_action
 from robots.shared.wire import NotDone
 from teleop.control.allow_list import check_role, required_role
 from teleop.rosbridge.clients.advertised import Advertisements
@@ -50,7 +51,7 @@ class ActionTopics(Family):
         """Return the type of an action on the allow-list."""
         allowed = self.client.hub.entry.allowed
         types = (one.type for one in allowed if (one.what, one.name) == ("call", name))
-        return next((type_ for type_ in types if type_.endswith("Action")), None)
+        return next((type_ for type_ in types if is_action(type_)), None)
 
     async def _publish(self, operation: Publish) -> None:
         self.client.require(Scope.TOPICS)

@@ -51,7 +51,7 @@ def test_an_update_reaches_an_unedited_profile(tiago: RobotProfile, update: Path
 def test_an_update_of_limits_is_recorded_once(tiago: RobotProfile, update: Path) -> None:
     profiles_load_shipped(directory=update)
     profiles_load_shipped(directory=update)
-    (record,) = Record.objects.filter(kind="profile.change")
+    (record,) = Record.objects.filter(kind="profile.change", parameters__profile="tiago")
     assert record.actor_id is None
     assert record.parameters == {
         "profile": "tiago",
@@ -104,10 +104,10 @@ def test_new_phrases_of_an_update_are_added_once_and_recorded(
     profiles_load_shipped(directory=more_phrases)
     assert texts(tiago)[-1] == "Buongiorno!"
     assert tiago.phrases.count() == 25
-    record = Record.objects.filter(kind="phrase.import").latest("id")
+    record = Record.objects.filter(kind="phrase.import", parameters__profile="tiago").latest("id")
     assert record.parameters["profile"] == "tiago"
     assert record.details["added"] == [{"text": "Buongiorno!", "language": "it-IT", "tags": []}]
-    assert Record.objects.filter(kind="phrase.import").count() == 2
+    assert Record.objects.filter(kind="phrase.import", parameters__profile="tiago").count() == 2
 
 
 def test_phrases_that_were_edited_here_stay_so(

@@ -20,7 +20,7 @@ from django.test.utils import CaptureQueriesContext
 
 from robots.link.connections import why_down
 from robots.registry import stored_robots
-from robots.registry.models import Allowance, BridgeStatus, Robot
+from robots.registry.models import Allowance, BridgeStatus, Robot, RobotProfile
 from robots.registry.selectors import link_address
 from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
 from robots.supervisor.claims import CONSOLE
@@ -165,6 +165,20 @@ def test_a_wrong_robot_is_refused_and_the_others_run(supervised: Supervised, rob
     status = BridgeStatus.objects.get(robot=robot)
     assert (status.state, status.detail) == (State.REFUSED, "odometry: Expected an object, got null")
     assert len(supervised.programs.pids("tiago-2")) == 1
+
+
+def test_a_robot_whose_ros_is_not_installed_says_what_to_do(
+    supervised: Supervised, robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = tmp_path / "ready"  # written when rclpy is installed
+    monkeypatch.setattr("robots.shared.ros2.environment.READY", ready)
+    supervised.until_started("tiago-1", 1)
+    Robot.objects.filter(pk=robot.pk).update(profile=RobotProfile.objects.get(slug="tiago-ros2"))
+    supervised.until(lambda: "end tiago-1" in supervised.programs.lines(), "the end of the bridge")
+    status = BridgeStatus.objects.get(robot=robot)
+    assert (status.state, "script/setup ros2" in status.detail) == (State.REFUSED, True)
+    ready.touch()
+    supervised.until_started("tiago-1", 2)
 
 
 def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, robot: Robot) -> None:

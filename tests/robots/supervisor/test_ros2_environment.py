@@ -66,7 +66,7 @@ def distribution(folder: Path, python: str = wheels.VERSION, more: str = "") -> 
     return str(script)
 
 
-def test_a_distribution_is_used_as_its_script_says_and_the_script_runs_once(tmp_path: Path) -> None:
+def test_the_set_up_script_of_a_distribution_runs_once(tmp_path: Path) -> None:
     script = distribution(tmp_path)
     for _ in range(2):
         found = environment_of(Ros2(7, setup=script))

@@ -1,8 +1,9 @@
 """``manage.py seed_demo FILE``: the simulated robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera", "camera"}],
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", or "domain_id" of a robot with ROS 2, "advertised_address",
+"stick", "rear_camera", "camera"}],
 "accounts": [{"username", "role", "password"}]}, and optionally "students" for `seed_demo_week`.
-A new robot gets a small allow-list for practice. A second run updates only the robots' masters.
+A new robot gets a small allow-list for practice. A second run updates only the robots' masters and domains.
 Prints {slug: path of the bridge's socket}.
 """
 
@@ -33,13 +34,14 @@ from robots.registry.services import entry_save, robot_save
 from robots.shared.configuration.bridge_config import Allowed
 from robots.shared.geometry.poses import Pose
 from robots.shared.maps.occupancy import of_percents
+from robots.shared.messages.type_names import in_ros2
 from robots.simulator.physics.mujoco_world import Physics
 from robots.simulator.physics.mujoco_world import Pose as Start
 from robots.simulator.sensors.body import BODIES
 from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
 from robots.simulator.worlds import load_world
 
-PROFILE = "tiago"
+PROFILE, PROFILE_2 = "tiago", "tiago-ros2"  # the second with ROS 2
 WORLD = "office"  # the world in which script/stack starts the simulators
 ALLOWED = (
     Allowed("choose", "/phone_vel", use="drive"),
@@ -66,8 +68,9 @@ class PracticeRobot(Struct, frozen=True):
 
     slug: str
     name: str
-    master_uri: str
-    advertised_address: str
+    master_uri: str | None = None
+    domain_id: int | None = None  # of a robot with ROS 2, which has no master
+    advertised_address: str = ""
     stick: list[Any] | None = None
     rear_camera: bool = False
     camera: bool = True
@@ -114,27 +117,40 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     """Register a simulated robot, or update the master of a registered one."""
     robot = Robot.objects.filter(slug=planned.slug).first()
     if robot is not None:
-        robot.master_uri = planned.master_uri
+        for field, value in _reached(planned).items():
+            setattr(robot, field, value)
         return robot_save(robot=robot, actor=here())
-    profile = RobotProfile.objects.get(slug=PROFILE)
+    profile = RobotProfile.objects.get(slug=PROFILE if planned.domain_id is None else PROFILE_2)
     cameras = [
         *(profile.topics["cameras"] if planned.camera else []),
-        *([REAR_CAMERA] if planned.rear_camera else []),
+        *([REAR_CAMERA | {"type": _typed(planned, REAR_CAMERA["type"])}] if planned.rear_camera else []),
     ]
     robot = Robot(
         slug=planned.slug,
         name=planned.name,
         profile=profile,
         practice=True,
-        master_uri=planned.master_uri,
         advertised_address=planned.advertised_address,
+        **_reached(planned),
         stick=planned.stick,
         overrides={} if cameras == profile.topics["cameras"] else {"topics": {"cameras": cameras}},
     )
     robot_save(robot=robot, actor=here())
     for allowed in ALLOWED:
-        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=here())
+        entry = structs.replace(allowed, type=_typed(planned, allowed.type))
+        entry_save(entry=Allowance(robot=robot, **structs.asdict(entry)), actor=here())
     return robot
+
+
+def _typed(planned: PracticeRobot, type_name: str) -> str:
+    return type_name if planned.domain_id is None or not type_name else in_ros2(type_name)
+
+
+def _reached(planned: PracticeRobot) -> dict[str, Any]:
+    """Return the fields by which the robot is reached, which may change from run to run."""
+    if planned.domain_id is None:
+        return {"master_uri": planned.master_uri}
+    return {"domain_id": planned.domain_id, "discovery": "localhost"}
 
 
 def seed_map(robots: list[Robot]) -> None:

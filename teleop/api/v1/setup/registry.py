@@ -13,6 +13,7 @@ from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import free_slug
 from robots.registry.services import robot_save
+from robots.shared.configuration.robot_ros import Discovery as Search
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
@@ -21,9 +22,14 @@ from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, mak
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
+Domain = Annotated[int, Meta(ge=0, le=101)]
+Peers = Annotated[str, Meta(max_length=400)]
+Namespace = Annotated[str, Meta(max_length=100)]
 Room = Annotated[str, Meta(max_length=120)]
 Part = Annotated[float, Meta(ge=0.05, le=1.0)]
 
+# Another value leads to another robot
+ELSEWHERE = ("master_uri", "domain_id", "discovery", "static_peers", "discovery_server", "namespace")
 _NO_PROFILE = Refusal("invalid", "There is no profile with this slug.", "wire")
 
 
@@ -33,8 +39,14 @@ class Registration(Struct, frozen=True):
     slug: str
     name: str
     profile: str
+    ros: int  # 1 or 2, its profile's: a robot with 1 is reached by its master, one with 2 in a domain
     master_uri: str
     advertised_address: str  # address at which the robot reaches this computer; empty: the console finds it
+    domain_id: int
+    discovery: Search
+    static_peers: str  # addresses, with spaces between them
+    discovery_server: str  # host:port; empty: there is none
+    namespace: str  # such as /tiago1; empty: there is none
     room: str  # where people find it
     enabled: bool
     practice: bool
@@ -48,9 +60,14 @@ class RegisterRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
     name: Name
     profile: str  # slug
-    master_uri: Address
+    master_uri: Address = ""  # a robot with ROS 1 needs it
     slug: Annotated[str, Meta(pattern=r"^[a-z0-9-]{1,50}$")] | None = None  # null: made from the name
     advertised_address: Address = ""
+    domain_id: Domain = 0
+    discovery: Search = "subnet"
+    static_peers: Peers = ""
+    discovery_server: Address = ""
+    namespace: Namespace = ""
     room: Room = ""
     enabled: bool = True
 
@@ -61,6 +78,11 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
     name: Name | UnsetType = UNSET
     master_uri: Address | UnsetType = UNSET
     advertised_address: Address | UnsetType = UNSET
+    domain_id: Domain | UnsetType = UNSET
+    discovery: Search | UnsetType = UNSET
+    static_peers: Peers | UnsetType = UNSET
+    discovery_server: Address | UnsetType = UNSET
+    namespace: Namespace | UnsetType = UNSET
     room: Room | UnsetType = UNSET
     enabled: bool | UnsetType = UNSET
     default_share: Part | UnsetType | None = UNSET  # null: the profile's
@@ -94,8 +116,9 @@ class RegisterView(RegistryView):
 
 class RegistrationView(RegistryView):
     def concerned(self, slug: str, body: RegistrationChange, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot of the address; with another master it is another robot, which no bound token serves."""
-        return [self.robot(slug)] if body.master_uri is UNSET else ()
+        """Return the robot of the address; reached elsewhere it is another robot, which no bound token serves."""
+        moved = any(getattr(body, name) is not UNSET for name in ELSEWHERE)
+        return () if moved else [self.robot(slug)]
 
     @manages("registry_read", "Read a registration", answer=Registration)
     def get(self, slug: str) -> Response:
@@ -128,4 +151,4 @@ def _saved(robot: Robot, staff: User) -> Robot:
 
 
 def _entry(robot: Robot) -> Registration:
-    return entry_of(Registration, robot, profile=robot.profile.slug)
+    return entry_of(Registration, robot, profile=robot.profile.slug, ros=robot.profile.ros)

@@ -54,7 +54,9 @@ def complaint(entry: Robot | RobotProfile, field: str) -> str:
 def test_every_shipped_profile_is_valid() -> None:
     assert {file.slug for file in profile_files()} == {
         "tiago",
+        "tiago-ros2",
         "pmb2",
+        "pmb2-ros2",
         "generic-differential",
         "generic-holonomic",
     }
@@ -276,4 +278,5 @@ def test_the_help_names_every_figure_of_the_gate() -> None:
 
 def test_every_topic_has_types_that_are_understood() -> None:
     of_one_topic = {name for name, hint in get_type_hints(Topics).items() if Topic in (hint, *get_args(hint))}
-    assert of_one_topic <= TOPIC_TYPES.keys() <= get_type_hints(Topics).keys()
+    for types in TOPIC_TYPES.values():
+        assert of_one_topic <= types.keys() <= get_type_hints(Topics).keys()
