@@ -33,10 +33,11 @@ class NotNow(Exception):
 
 
 class Joined(Struct, frozen=True):
-    """The settings that a computer gets for its code."""
+    """What a computer gets for its code: settings, its certificate, and the authority of all bridges' certificates."""
 
     settings: dict[str, str]
     certificate: str
+    authority: str
 
 
 def why_not() -> Promise | str:
@@ -104,6 +105,7 @@ def join(code: str, certificate_request: str, address: str) -> Joined:
             "FLEET_LINK_SECRET": str(settings.FLEET_LINK_SECRET),
         },
         certificate,
+        authority.authority_pem(),
     )
 
 

@@ -1,6 +1,6 @@
 """Join a console as a bridge host: `python -m script.service.join ADDRESS CODE --env FILE --owner USER`.
 
-The key of the certificate is made here and stays here. The settings go into a new FILE, key and certificate beside it.
+The key of the certificate is made here and stays here. The settings go into a new FILE, key and certificates beside it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,13 @@ def join(address: str, code: str, env: Path, owner: str) -> None:
     """Get settings and certificate, and write them. Raises `NotJoined`."""
     if not address.startswith("https://"):
         raise NotJoined("The address must begin with https://, because it hands over secrets.")
-    files = {"FLEET_LINK_CERT": env.with_suffix(".crt"), "FLEET_LINK_KEY": env.with_suffix(".key")}
+    files = {
+        "FLEET_LINK_CERT": env.with_suffix(".crt"),
+        "FLEET_LINK_KEY": env.with_suffix(".key"),
+        "FLEET_LINK_CA": env.with_name(
+            f"{env.stem}-authority.crt"
+        ),  # a stop typed here reaches other computers
+    }
     # Before the code is used. fleet.key may be the one that browsers know.
     if there := [str(path) for path in (env, *files.values()) if os.path.lexists(path)]:
         raise NotJoined(
@@ -64,7 +70,8 @@ def join(address: str, code: str, env: Path, owner: str) -> None:
     private_key = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    for path, text in zip(files.values(), (joined["certificate"], private_key.decode()), strict=True):
+    texts = (joined["certificate"], private_key.decode(), joined["authority"])
+    for path, text in zip(files.values(), texts, strict=True):
         private_file(path, text)
         shutil.chown(path, owner)
     own = {

@@ -9,7 +9,7 @@ import pytest
 from script.service import join
 
 
-@pytest.mark.parametrize("name", ["fleet.env", "fleet.crt", "fleet.key"])
+@pytest.mark.parametrize("name", ["fleet.env", "fleet.crt", "fleet.key", "fleet-authority.crt"])
 def test_no_file_is_overwritten_and_the_code_is_kept(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,7 +47,7 @@ def join(request: HttpRequest) -> HttpResponse:
         return _refused(
             _("This code is wrong, used or too old: make a new command under Add a bridge host."), 403
         )
-    return JsonResponse({"settings": joined.settings, "certificate": joined.certificate})
+    return JsonResponse(msgspec.to_builtins(joined))
 
 
 def _refused(text: str, status: int) -> HttpResponse:

@@ -116,7 +116,7 @@ def test_a_computer_joins_and_runs_the_bridge_of_a_robot(console: Console, tmp_p
     trusting = {**outside(), "FLEET_JOIN_CA": str(console.certificate.authority)}
     assert f"Joined as {ADDRESS}." in run(join, trusting)
     assert env.stat().st_mode & 0o77 == 0 and env.with_suffix(".key").stat().st_mode & 0o77 == 0
-    assert f"{env}, {env.with_suffix('.crt')}, {env.with_suffix('.key')}: there" in run(
+    assert f"{env.with_suffix('.key')}, {tmp_path}/fleet-authority.crt: there" in run(
         join, trusting, status=1
     )
     join[join.index(str(env))] = str(tmp_path / "again.env")
@@ -133,6 +133,10 @@ def test_a_computer_joins_and_runs_the_bridge_of_a_robot(console: Console, tmp_p
         assert "Housekeeping" not in log.read_text()
         run(["script/serve", "bridges", "--is-ready"], host)
         until(lambda: linked(console), "the web side reaches the bridge", READY_S)
+        # As this computer reaches bridges of others, to stop their robots.
+        assert "linked by TLSv1.3" in run(
+            [sys.executable, "manage.py", "shell", "-v", "0", "-c", LINKED], host
+        )
     finally:
         end_all([bridges])
         print(log.read_text())
