@@ -191,8 +191,8 @@ def invite(asked: argparse.Namespace) -> None:
 def setup_address(asked: argparse.Namespace) -> str:
     """Return the address of the first-run page, with a host name that the console accepts."""
     names = host_names(Environment(os.environ))
-    near = [name for name in names if name in ("localhost", "127.0.0.1")]
-    host = near[0] if near and is_loopback(asked.bind) and not asked.behind_proxy else names[0]
+    is_near = is_loopback(asked.bind) and not asked.behind_proxy
+    host = next((name for name in names if is_loopback(name) == is_near), names[0])
     if asked.behind_proxy:
         return f"https://{host}/setup/"
     return f"http{'s' if asked.certificate else ''}://{host}:{asked.port}/setup/"

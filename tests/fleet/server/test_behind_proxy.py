@@ -13,7 +13,7 @@ import pytest
 
 from fleet.server.front import Front
 from script.stack.processes import Child, end_all
-from script.stack.serve import THIS_MACHINE, arguments, web_command
+from script.stack.serve import THIS_MACHINE, arguments, setup_address, web_command
 from tests.conftest import PASSWORD
 from tests.fleet.support import console_environment, create_database
 
@@ -125,3 +125,17 @@ def test_only_a_named_proxy_is_served(peer, is_served):
 
 def test_without_it_no_header_is_believed():
     assert "--proxy-headers" not in web_command(arguments([]))
+
+
+@pytest.mark.parametrize(
+    ("words", "address"),
+    [
+        (["--behind-proxy"], "https://fleet.example/setup/"),
+        (["--behind-proxy", PROXY, "--bind", "10.0.0.2"], "https://fleet.example/setup/"),
+        (["--port", "8001"], "http://localhost:8001/setup/"),
+    ],
+)
+def test_the_first_page_is_where_its_reader_is(words, address, monkeypatch):
+    """A new /etc/fleet.env names localhost first; a proxy's certificate does not."""
+    monkeypatch.setenv("FLEET_HOSTS", f"localhost,{HOST}")
+    assert setup_address(arguments(words)) == address
