@@ -78,11 +78,13 @@ def test_other_roles_want_settings_of_the_console_and_run_beside_it(machine: Mac
     refused = machine.shell("script/install-service web; script/install-service bridges", check=False)
     assert "there is no /etc/fleet.env: copy it from the computer of the console." in refused
     assert "there is no /etc/fleet.env: the console makes it, see Add a bridge host" in refused
-    machine.shell("cp /etc/copy.env /etc/fleet.env")
+    machine.shell("install -m 644 /etc/copy.env /etc/fleet.env")
+    assert machine.run("stat", "-c", "%a", "/etc/fleet.env") == "644\n"  # as it comes from another computer
     for role in ("web", "bridges"):
         assert f"fleet-{role} runs, and starts again after a reboot." in machine.shell(
             f"script/install-service {role}"
         )
+        assert machine.run("stat", "-c", "%a", "/etc/fleet.env") == "640\n"
     assert (
         machine.run("systemctl", "is-active", "fleet", "fleet-web", "fleet-bridges").split() == ["active"] * 3
     )
