@@ -93,7 +93,11 @@ def run_checks(robot: Robot) -> list[Check]:
         text = _("The console cannot save them (%s).") % error.strerror
         return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]
     try:
-        return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
+        findings = _probe(config, environment)
+        if elsewhere := list(_elsewhere(robot)):
+            # The robot calls the bridge's computer back, not this one.
+            findings = msgspec.structs.replace(findings, callback=None)
+        return [*elsewhere, *judge(config, findings)]
     except subprocess.TimeoutExpired:
         text = _("No answer within %d s.") % PROBE_TIMEOUT_S
         return [Check(_("probe"), FAIL, text, _("Is the network overloaded?"))]
@@ -107,7 +111,7 @@ def _elsewhere(robot: Robot) -> Iterator[Check]:
             _("other computer"),
             WARN,
             _("This computer ran the check, but the robot’s bridge runs at %s.") % robot.bridge_address,
-            _("Run manage.py check_robot %s on that computer.") % robot.slug,
+            _("Run sudo script/manage check_robot %s on that computer.") % robot.slug,
         )
 
 

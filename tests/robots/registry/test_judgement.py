@@ -252,11 +252,13 @@ def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
 
 def test_a_bridge_on_another_computer_asks_for_the_check_there(robot: Robot, well: Findings) -> None:
     robot.bridge_address = "wss://bridges.lab:7443"
-    done = subprocess.CompletedProcess([], 0, msgspec.json.encode(well))
+    deaf = msgspec.structs.replace(well, callback=CallbackFound("10.68.0.3", False, "10.68.0.2"))
+    done = subprocess.CompletedProcess([], 0, msgspec.json.encode(deaf))
     with mock.patch("robots.check.robot_check.subprocess.run", autospec=True, return_value=done):
         first, *others = run_checks(robot)
     assert (first.level, {check.level for check in others}) == ("warn", {"ok"})
     assert "wss://bridges.lab:7443" in first.text
+    assert f"sudo script/manage check_robot {robot.slug}" in first.advice
 
 
 class TestPage:
