@@ -4,7 +4,7 @@ A slow viewer first gets fewer pictures. If fewer than `LEAST_HZ` full pictures 
 gets video, if its browser can decode video. If video is too much as well, the viewer gets small pictures, and
 fewer of them if necessary. Full pictures are tried again after some time, which doubles with each try. One
 picture shows whether the connection is fast enough for full pictures.
-JPEG quality and widths: `robots/bridge/camera/encoding.py`.
+JPEG quality and widths: `robots/bridge/camera/pictures/encoding.py`.
 """
 
 from __future__ import annotations

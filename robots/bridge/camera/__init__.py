@@ -1,1 +1,1 @@
-"""Live camera pictures: the bridge's client of its camera process, and the process's parts without rospy."""
+"""Live camera pictures: the bridge's client of its camera process, and what the process does for both ROS sides."""

@@ -14,7 +14,7 @@ import PIL.Image
 import pytest
 from playwright.sync_api import Browser, Page
 
-from robots.bridge.camera.h264 import H264Encoder
+from robots.bridge.camera.pictures.h264 import H264Encoder
 from tests.processes import REPOSITORY
 
 WIDTH, HEIGHT = 320, 240

@@ -33,8 +33,8 @@ def thumbnail_of(message: Message) -> bytes | None:
     if len(message.data) > LARGEST_BYTES:
         return None
     # The decoder is loaded only for this: the black box must stay small
-    from robots.bridge.camera.image_header import Damaged
-    from robots.bridge.camera.jpeg import UNDECODABLE, decoded, jpeg, narrowed, raw_image
+    from robots.bridge.camera.pictures.image_header import Damaged
+    from robots.bridge.camera.pictures.jpeg import UNDECODABLE, decoded, jpeg, narrowed, raw_image
 
     read = _Reader(message.data)
     try:

@@ -1,1 +1,1 @@
-"""The camera process: passes on or encodes pictures for web processes, only while somebody watches."""
+"""The cameras of a robot with ROS 1, for the camera process."""

@@ -15,7 +15,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from robots.bridge.camera.image_header import Damaged, read_header, too_few, undecodable
+from robots.bridge.camera.pictures.image_header import Damaged, read_header, too_few, undecodable
 from robots.shared.sentences import say
 from robots.shared.wire import PictureScale
 

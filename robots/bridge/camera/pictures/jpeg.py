@@ -14,8 +14,8 @@ import zlib
 import numpy as np
 import PIL.Image
 
-from robots.bridge.camera.encoding import QUALITY, SMALL_QUALITY, SMALL_WIDTH
-from robots.bridge.camera.image_header import (
+from robots.bridge.camera.pictures.encoding import QUALITY, SMALL_QUALITY, SMALL_WIDTH
+from robots.bridge.camera.pictures.image_header import (
     JPEG_END,
     LARGEST_SIDE,
     Damaged,

@@ -12,24 +12,17 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH
-from robots.bridge.camera.image_header import Damaged
+from robots.bridge.camera.camera import Arrival, Camera, CameraPicture, damage_text
+from robots.bridge.camera.camera_side import CameraSide
 from robots.bridge.camera.picture_server import PictureServer, Wants
+from robots.bridge.camera.pictures.encoding import VIDEO_HZ, VIDEO_WIDTH
+from robots.bridge.camera.pictures.image_header import Damaged
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.bounds.listening import pause
-from robots.bridge.ros.camera.camera_topics import (
-    TF_EVERY_S,
-    Arrival,
-    CameraPicture,
-    CameraTopics,
-    damage_text,
-)
-from robots.bridge.ros.sensors.tf import TfTopics
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.wire import CameraState, PictureFormat, TakenPicture, Variant
 
 if TYPE_CHECKING:
-    from robots.bridge.camera.h264 import H264Encoder
+    from robots.bridge.camera.pictures.h264 import H264Encoder
 
 STATE_S = 0.5  # between two checks of silent cameras
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
@@ -39,8 +32,8 @@ EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a li
 class _Watched:
     """One camera while somebody watches it."""
 
-    def __init__(self, topics: CameraTopics) -> None:
-        self.topics = topics
+    def __init__(self, camera: Camera) -> None:
+        self.camera = camera
         self.video: H264Encoder | None = None  # while a viewer needs video
         self.taken: Arrival | None = None  # the last message that was handled
         self.made_s: dict[Variant, float] = {}
@@ -63,7 +56,10 @@ class _Watched:
 
 
 class Producer:
-    """All cameras of one robot. `emit` and `state` are called on the producer's thread."""
+    """All cameras of one robot. `emit` and `state` are called on the producer's thread.
+
+    `side` gets the frame in which the cameras' poses are wanted.
+    """
 
     def __init__(
         self,
@@ -71,6 +67,7 @@ class Producer:
         server: PictureServer,
         emit: Callable[[TakenPicture, bytes, float], None],
         state: Callable[[CameraState], None],
+        side: Callable[[str], CameraSide],
     ) -> None:
         self._sources = {camera.name: camera for camera in config.topics.cameras}
         self.server = server
@@ -85,9 +82,7 @@ class Producer:
         self._keys: set[str] = set()
         self._rest_until_s: dict[str, float] = {}  # of cameras of which only thumbnails are wanted
         bases = {camera.base_frame for camera in config.topics.cameras}
-        self._tf = TfTopics(bases.pop() if len(bases) == 1 else "base_footprint")
-        pause("/tf", lambda: TF_EVERY_S)
-        self._tf_subscribers = self._tf.listen()
+        self._side = side(bases.pop() if len(bases) == 1 else "base_footprint")
 
     def set_wants(self, wants: Wants) -> None:
         """Set what is wanted: camera -> variant -> rate (Hz)."""
@@ -117,7 +112,7 @@ class Producer:
 
     def _has_news(self) -> bool:
         return self._awake_wants().keys() != self._watched.keys() or any(
-            watched.topics.newest is not watched.taken for watched in self._watched.values()
+            watched.camera.newest is not watched.taken for watched in self._watched.values()
         )
 
     def _awake_wants(self) -> Wants:
@@ -131,22 +126,22 @@ class Producer:
         }
 
     def _follow(self, wants: Wants) -> None:
-        """Subscribe and unsubscribe; on this thread, since it calls the master."""
+        """Subscribe and unsubscribe; on this thread, since it asks the robot."""
         for name in self._watched.keys() - wants.keys():
-            self._watched.pop(name).topics.close()
+            self._watched.pop(name).camera.close()
         for name in wants.keys() - self._watched.keys():
-            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake, lambda: self.clock)
-            self._watched[name] = _Watched(topics)
+            camera = Camera(self._sources[name], self._side, self._awake, lambda: self.clock)
+            self._watched[name] = _Watched(camera)
 
     def _look(self, name: str, watched: _Watched, wants: Mapping[Variant, float]) -> None:
-        arrival, now_s = watched.topics.newest, time.monotonic()
+        arrival, now_s = watched.camera.newest, time.monotonic()
         is_new, watched.taken = arrival is not watched.taken, arrival
         if arrival is not None and is_new and (due := watched.due(wants, now_s)):
-            picture = watched.topics.picture(arrival)
+            picture = watched.camera.picture(arrival)
             if picture is not None:
                 self._make(name, watched, picture, wants, due, now_s)
                 self._rest_until_s[name] = now_s + 1.0 / max(wants.values())
-        state = CameraState(name, watched.topics.refusal(now_s), watched.topics.warning(now_s))
+        state = CameraState(name, watched.camera.refusal(now_s), watched.camera.warning(now_s))
         if state != watched.state:
             watched.state = state
             self._state(state)
@@ -166,27 +161,27 @@ class Producer:
         if "small" in due or "video" in due:
             self._encode(name, watched, picture, due, now_s)
         elif not wants.keys() & {"small", "video"}:
-            watched.topics.undecoded = None  # nobody wants decoded variants any more
+            watched.camera.undecoded = None  # nobody wants decoded variants any more
 
     def _encode(
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
     ) -> None:
         """Emit the picture as video and small. Imports the libraries here: the process starts faster."""
-        from robots.bridge.camera.jpeg import decoded, small
+        from robots.bridge.camera.pictures.jpeg import decoded, small
 
         try:
             image = decoded(picture.encoded, VIDEO_WIDTH)
             if "video" in due:
                 if watched.video is None:
-                    from robots.bridge.camera.h264 import H264Encoder
+                    from robots.bridge.camera.pictures.h264 import H264Encoder
 
                     watched.video = H264Encoder()
                 unit, is_key = watched.video.encode(image)
                 self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         except Damaged as error:
-            watched.topics.undecoded = damage_text(error)
+            watched.camera.undecoded = damage_text(error)
             return
-        watched.topics.undecoded = None
+        watched.camera.undecoded = None
         if "small" in due:
             self._send(name, watched, picture, "small", "jpeg", small(image), now_s)
 

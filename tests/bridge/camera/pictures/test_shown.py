@@ -9,8 +9,8 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from robots.bridge.camera.image_header import LARGEST_BYTES, Damaged
-from robots.bridge.camera.shown import compressed_picture, raw_picture
+from robots.bridge.camera.pictures.image_header import LARGEST_BYTES, Damaged
+from robots.bridge.camera.pictures.shown import compressed_picture, raw_picture
 
 NOISE = PIL.Image.fromarray(np.random.default_rng(0).integers(0, 255, (96, 128, 3), dtype=np.uint8))
 

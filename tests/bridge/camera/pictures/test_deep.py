@@ -10,10 +10,10 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from robots.bridge.camera.deep import DARKEST, EVEN, is_deep, raw_deep, stretched
-from robots.bridge.camera.image_header import Damaged
-from robots.bridge.camera.jpeg import decoded, small
-from robots.bridge.camera.shown import compressed_picture
+from robots.bridge.camera.pictures.deep import DARKEST, EVEN, is_deep, raw_deep, stretched
+from robots.bridge.camera.pictures.image_header import Damaged
+from robots.bridge.camera.pictures.jpeg import decoded, small
+from robots.bridge.camera.pictures.shown import compressed_picture
 from robots.shared.wire import PictureScale
 
 WIDTH, HEIGHT = 64, 48

@@ -5,7 +5,7 @@ import io
 import PIL.Image
 import pytest
 
-from robots.bridge.camera.image_header import LARGEST_BYTES, Damaged, ImageHeader, read_header
+from robots.bridge.camera.pictures.image_header import LARGEST_BYTES, Damaged, ImageHeader, read_header
 
 
 def picture(form, size=(64, 48), **options):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from robots.bridge.camera.image_header import JPEG_END, end_of, read_header
+from robots.bridge.camera.pictures.image_header import JPEG_END, end_of, read_header
 from robots.shared.wire import PictureFormat, PictureScale
 
 
@@ -28,13 +28,13 @@ def compressed_picture(data: bytes, form: str, topic: str) -> Shown:
     """
     data = _whole(data)
     if not _is_picture(data):
-        from robots.bridge.camera.deep import depth_png, is_depth_png
+        from robots.bridge.camera.pictures.deep import depth_png, is_depth_png
 
         if is_depth_png(data, form):
             return _deep(*depth_png(data, form))
     header = read_header(data)
     if header.deep:
-        from robots.bridge.camera.deep import png_deep
+        from robots.bridge.camera.pictures.deep import png_deep
 
         return _deep(*png_deep(data, is_depth(topic)))
     return Shown(data, header.format, header.width, header.height)
@@ -42,9 +42,9 @@ def compressed_picture(data: bytes, form: str, topic: str) -> Shown:
 
 def raw_picture(message: Any, topic: str) -> Shown:
     """Return the picture of a sensor_msgs/Image as JPEG. Raises `Damaged`."""
-    from robots.bridge.camera.deep import is_deep, raw_deep
-    from robots.bridge.camera.image_header import require_size
-    from robots.bridge.camera.jpeg import jpeg, raw_image
+    from robots.bridge.camera.pictures.deep import is_deep, raw_deep
+    from robots.bridge.camera.pictures.image_header import require_size
+    from robots.bridge.camera.pictures.jpeg import jpeg, raw_image
 
     width, height, encoding = message.width, message.height, message.encoding
     require_size(width, height)
@@ -63,7 +63,7 @@ def is_depth(topic: str) -> bool:
 
 
 def _deep(image: Any, scale: PictureScale) -> Shown:
-    from robots.bridge.camera.jpeg import jpeg
+    from robots.bridge.camera.pictures.jpeg import jpeg
 
     return Shown(jpeg(image), "jpeg", image.width, image.height, scale)
 
@@ -81,7 +81,7 @@ def _whole(data: bytes) -> bytes:
         return data[:end]
     without_padding = data.rstrip(b"\0")
     if data.startswith(b"\xff\xd8"):
-        from robots.bridge.camera.jpeg import is_complete
+        from robots.bridge.camera.pictures.jpeg import is_complete
 
         if is_complete(without_padding):
             return without_padding + JPEG_END

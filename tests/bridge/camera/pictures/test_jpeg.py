@@ -7,10 +7,10 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from robots.bridge.camera.encoding import VIDEO_BITS_PER_S, VIDEO_HZ
-from robots.bridge.camera.h264 import H264Encoder
-from robots.bridge.camera.image_header import Damaged, read_header
-from robots.bridge.camera.jpeg import decoded, jpeg, raw_image, small
+from robots.bridge.camera.pictures.encoding import VIDEO_BITS_PER_S, VIDEO_HZ
+from robots.bridge.camera.pictures.h264 import H264Encoder
+from robots.bridge.camera.pictures.image_header import Damaged, read_header
+from robots.bridge.camera.pictures.jpeg import decoded, jpeg, raw_image, small
 
 WIDTH, HEIGHT = 64, 48
 RED = (200, 30, 40)

@@ -1,6 +1,6 @@
 """Encodes pictures as H.264 for slow connections. The camera process imports this module at its first use.
 
-Used by `ros/camera/producer.py`; `teleop/camera/variant_choice.py` chooses for each viewer. The names of formats are in
+Used by `camera/producer.py`; `teleop/camera/variant_choice.py` chooses for each viewer. The names of formats are in
 `robots/shared/wire/links/camera.py`, the decoder is in `static/js/camera/video.js`.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 import PIL.Image
 from av.video.codeccontext import VideoCodecContext
 
-from robots.bridge.camera.encoding import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
-from robots.bridge.camera.image_header import Damaged
-from robots.bridge.camera.jpeg import narrowed
+from robots.bridge.camera.pictures.encoding import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
+from robots.bridge.camera.pictures.image_header import Damaged
+from robots.bridge.camera.pictures.jpeg import narrowed
 from robots.shared.sentences import say
 
 
