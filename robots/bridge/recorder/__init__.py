@@ -1,1 +1,1 @@
-"""The recorder, without rospy: keeps the last minute of a robot, and writes recordings as MCAP files."""
+"""The recorder, for both ROS sides: keeps the last minute of a robot, and writes recordings as MCAP files."""

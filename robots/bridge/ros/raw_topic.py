@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import rospy
 
@@ -12,23 +12,9 @@ from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.sensors.raw_bytes import BUFFER_BYTES
 from robots.bridge.tap.arrivals import Kind
+from robots.bridge.tap.raw_topic import MOST_PUBLISHERS, Speaker, Take
 from robots.bridge.topics.inspector.declined import Declined
-from robots.shared.messages.definition import Definition
 from robots.shared.texts import NAME, cut
-from robots.shared.wire import Refusal
-
-MOST_PUBLISHERS = 500  # of a topic, over time
-
-
-class Speaker(NamedTuple):
-    """One publisher of a topic, as its connection describes it."""
-
-    node: str
-    kind: Kind
-    latched: bool
-    text: str  # of its definition, as it sent it
-    definition: Definition | None
-    refusal: Refusal | None  # why there is no definition
 
 
 class RawTopic:
@@ -41,7 +27,7 @@ class RawTopic:
         self,
         topic: str,
         definitions: Definitions,
-        take: Callable[[Speaker, bytes], None],
+        take: Take,
         seconds: Callable[[], float],
         queue: int | None,
         buffer_bytes: int = BUFFER_BYTES,

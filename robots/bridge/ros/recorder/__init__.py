@@ -1,1 +1,1 @@
-"""The recorder of a ROS 1 robot: subscribes to the topics of its black box and of a recording."""
+"""How the recorder reads topics of a robot with ROS 1."""

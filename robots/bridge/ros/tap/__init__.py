@@ -1,1 +1,1 @@
-"""The tap of a ROS 1 robot: subscribes to topics while programs read them."""
+"""How the tap reads topics of a robot with ROS 1."""

@@ -1,4 +1,4 @@
-"""``python -m robots.bridge.ros.tap``: see `robots.bridge.served.process`."""
+"""``python -m robots.bridge.ros.tap``: the tap of a robot with ROS 1."""
 
 from __future__ import annotations
 
@@ -7,28 +7,24 @@ from pathlib import Path
 
 from robots.bridge.ros.child_node import joined
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.tap.source import Source
-from robots.bridge.served.process import Call, run
-from robots.bridge.tap.tap_server import TapServer
+from robots.bridge.ros.raw_topic import RawTopic
+from robots.bridge.ros.tap.pace import Pace
+from robots.bridge.tap.process import run
+from robots.bridge.tap.raw_topic import Take
+from robots.bridge.tap.source import Listen
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import TAP
-from robots.shared.processes.vital import start_vital
-
-NICE = 3
-MOST_BYTES = 1536 * 1024 * 1024  # of memory
 
 
-def begin(config: BridgeConfig, call: Call) -> Source:
-    """Start the source; its server is not started yet."""
-    server = TapServer(
-        config.link,
-        set_wanted=lambda wanted: source.set_wanted(wanted),
-        wake=lambda: call(server.take_arrivals),
-    )
-    source = Source(server, call, Definitions(Path(config.state_dir) / "definitions"))
-    start_vital(source.run, "source")
-    return source
+def listening(config: BridgeConfig) -> Listen:
+    """Return what subscribes to a topic."""
+    definitions = Definitions(Path(config.state_dir) / "definitions")
+
+    def listen(topic: str, take: Take, queue: int) -> RawTopic:
+        return RawTopic(topic, definitions, take, Pace(), max(queue, Pace.LEAST_QUEUE))
+
+    return listen
 
 
 if __name__ == "__main__":
-    run("tap", NICE, MOST_BYTES, begin, partial(joined, TAP))
+    run(listening, partial(joined, TAP))

@@ -8,28 +8,20 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-import rosgraph
-import rospy
-
 from robots.bridge.recorder.contacts import reports_contact
 from robots.bridge.recorder.recorder import Wanted
 from robots.bridge.recorder.ring import Message, Origin, is_picture
-from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.raw_topic import RawTopic, Speaker
 from robots.bridge.tap.arrivals import Kind
-from robots.shared.graph import is_own
+from robots.bridge.tap.raw_topic import RawTopic, Speaker, Take
+from robots.shared.graph import SystemState, is_own
 from robots.shared.messages.packing import HEADER
-from robots.shared.ros.master import Master, MasterError
+from robots.shared.unreachable import Unreachable
 from robots.shared.wire import MOST_RECORDED_TOPICS
 
 log = logging.getLogger(__name__)
 
 # Between two looks for new topics; a robot's bumpers are there from its start
 _SURVEY_S = {"": None, "all": 2.0, "pictures_not": 2.0, "contacts": 20.0}
-WAIT_S = 0.004  # before each read: a topic that floods costs as much as 250 reads a second
-# The same for pictures of which few are kept. Each read takes all that waits, so that the newest is not old.
-THINNED_WAIT_S = 0.2
-THINNED_BYTES = 8 * 1024 * 1024
 MOST_MISSED = 10_000  # a larger gap between the numbers of messages is none
 _UNREAD = ("/rosout_agg",)  # the same messages as /rosout
 
@@ -44,10 +36,25 @@ class Receiver(Protocol):
     def left_out(self, count: int) -> None: ...
 
 
+class RecorderSide(Protocol):
+    """A robot's topics, as a ROS side reads them."""
+
+    encoding: str  # of messages: "ros1" or "cdr"
+
+    def listen(self, topic: str, take: Take, *, thins: bool) -> RawTopic:
+        """Subscribe. `thins`: few of these messages are kept, and they are large; only the newest matters."""
+
+    def survey(self) -> SystemState:
+        """Return the present publishers. Raises Unreachable."""
+
+    def leave(self) -> None:
+        """Leave the robot."""
+
+
 class _Topic:
     """One subscribed topic."""
 
-    def __init__(self, topic: str, gap_s: float, definitions: Definitions, to: Receiver) -> None:
+    def __init__(self, topic: str, gap_s: float, side: RecorderSide, to: Receiver) -> None:
         self.topic = topic
         self.gap_s = gap_s
         self._to = to
@@ -55,12 +62,8 @@ class _Topic:
         self._number = 0
         self._origins: dict[tuple[str, Kind], Origin] = {}
         self._sent: dict[Origin, int] = {}  # by the publisher's own count
-        if gap_s:
-            self._raw = RawTopic(
-                topic, definitions, self._on_message, lambda: THINNED_WAIT_S, 1, THINNED_BYTES
-            )
-        else:
-            self._raw = RawTopic(topic, definitions, self._on_message, lambda: WAIT_S, None)
+        self._encoding = side.encoding
+        self._raw = side.listen(topic, self._on_message, thins=bool(gap_s))
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -70,18 +73,18 @@ class _Topic:
         at_ns = time.monotonic_ns()
         origin = self._origins.get((speaker.node, speaker.kind))
         if origin is None:
-            origin = self._origins[speaker.node, speaker.kind] = _origin(self.topic, speaker)
+            origin = self._origins[speaker.node, speaker.kind] = _origin(self.topic, self._encoding, speaker)
         with self._lock:
             self._number += 1
             number = self._number
-        if not self.gap_s and _has_header(speaker):
+        if not self.gap_s and _counts(speaker):
             self._count_missed(origin, data)
         self._to.arrived(Message(origin, number, at_ns, data))
 
     def _count_missed(self, origin: Origin, data: bytes) -> None:
         """Count messages that the publisher sent and that never came: it drops those that are not read in time.
 
-        Each publisher of ROS numbers the headers of its messages without a gap.
+        Each publisher of ROS 1 numbers the headers of its messages without a gap.
         """
         sent, before = int.from_bytes(data[:4], "little"), self._sent.get(origin)
         self._sent[origin] = sent
@@ -89,24 +92,27 @@ class _Topic:
             self._to.missed(origin, missed)
 
 
-def _has_header(speaker: Speaker) -> bool:
+def _counts(speaker: Speaker) -> bool:
+    """Return whether messages begin with a header that is numbered, as in ROS 1."""
     fields = speaker.definition.fields if speaker.definition is not None else []
-    return bool(fields) and fields[0].type == HEADER and fields[0].array is None
+    if not fields or fields[0].type != HEADER or fields[0].array is not None:
+        return False
+    return fields[0].fields[0].name == "seq"
 
 
-def _origin(topic: str, speaker: Speaker) -> Origin:
+def _origin(topic: str, encoding: str, speaker: Speaker) -> Origin:
     # A definition that does not fit its md5 sum is kept as its publisher sent it: a reader may know better
     text = speaker.definition.text if speaker.definition is not None else speaker.text
     return Origin(
-        topic, "ros1", speaker.kind.type, speaker.kind.md5, text, speaker.node or "?", speaker.latched
+        topic, encoding, speaker.kind.type, speaker.kind.md5, text, speaker.node or "?", speaker.latched
     )
 
 
 class Reading:
-    """All subscriptions at one robot; lives on its own thread, which calls the master."""
+    """All subscriptions at one robot; lives on its own thread, which asks the robot."""
 
-    def __init__(self, definitions: Definitions, to: Receiver) -> None:
-        self._definitions = definitions
+    def __init__(self, side: RecorderSide, to: Receiver) -> None:
+        self._side = side
         self._to = to
         self._awake = threading.Condition()
         self._wanted = Wanted({})
@@ -133,8 +139,8 @@ class Reading:
     def _others(self, wanted: Wanted) -> dict[str, float]:
         """Return the further topics that have a publisher of the robot, the small ones first if they are too many."""
         try:
-            state = Master(rosgraph.get_master_uri(), rospy.get_caller_id()).system_state()
-        except MasterError as error:
+            state = self._side.survey()
+        except Unreachable as error:
             log.warning("the robot's topics are not known: %s", error)
             return dict.fromkeys(self._topics.keys() - wanted.topics.keys(), 0.0)
         found = [
@@ -155,9 +161,9 @@ class Reading:
 
     def _read(self, wanted: Mapping[str, float]) -> None:
         for name in list(self._topics):
-            # rospy's queue is set at the subscription
+            # a queue is set at the subscription
             if name not in wanted or bool(wanted[name]) != bool(self._topics[name].gap_s):
                 self._topics.pop(name).close()
         for name, gap_s in wanted.items():
             if name not in self._topics:
-                self._topics[name] = _Topic(name, gap_s, self._definitions, self._to)
+                self._topics[name] = _Topic(name, gap_s, self._side, self._to)

@@ -1,23 +1,21 @@
 """Subscribes to the topics that programs read, and hands on their messages as bytes.
 
-rospy's threads, one for each publisher, only keep the bytes. One thread calls the master, and tells what publishers
-say of themselves.
+The side's threads only keep the bytes. One thread asks the robot, and tells what publishers say of themselves.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from msgspec.structs import replace
 
 from robots.bridge.robot.board import BOARD
 from robots.bridge.robot_clock import RobotClock
-from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.raw_topic import MOST_PUBLISHERS, RawTopic, Speaker
-from robots.bridge.ros.tap.pace import Pace
 from robots.bridge.served.process import Call
 from robots.bridge.tap.arrivals import Arrival, Inbox, Kind, Publisher
+from robots.bridge.tap.raw_topic import MOST_PUBLISHERS, RawTopic, Speaker, Take
 from robots.bridge.tap.tap_server import TapServer, Wanted
 from robots.shared.messages.whole import Encode
 from robots.shared.sentences import say
@@ -29,11 +27,13 @@ SOON_LOOKS = 40  # then the topic has no publisher yet
 
 _NOTHING = Kind("", "")
 
+Listen = Callable[[str, Take, int], RawTopic]  # to a topic, with a queue of so many messages
+
 
 class _Topic:
     """One subscribed topic."""
 
-    def __init__(self, topic: str, queue: int, inbox: Inbox, definitions: Definitions) -> None:
+    def __init__(self, topic: str, queue: int, inbox: Inbox, listen: Listen) -> None:
         self.topic = topic
         self.looks = 0  # without a publisher
         self.state: TapState | None = None  # the last reported one
@@ -42,7 +42,7 @@ class _Topic:
         self._number = 0
         self._kind = _NOTHING  # of the messages that are handed on
         self._publishers: dict[tuple[str, Kind], Publisher] = {}
-        self._raw = RawTopic(topic, definitions, self._take, Pace(), max(queue, Pace.LEAST_QUEUE))
+        self._raw = listen(topic, self._take, queue)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -125,12 +125,12 @@ def _discord(kinds: list[Kind], kind: Kind) -> Refusal | None:
 class Source:
     """All subscriptions at one robot. `call` calls the server on the event loop."""
 
-    def __init__(self, server: TapServer, call: Call, definitions: Definitions) -> None:
+    def __init__(self, server: TapServer, call: Call, listen: Listen) -> None:
         self.server = server
         self.clock = RobotClock()
         self.looked_s = time.monotonic()
         self._call = call
-        self._definitions = definitions
+        self._listen = listen
         self._awake = threading.Condition()
         self._wanted: Wanted = {}
         self._topics: dict[str, _Topic] = {}
@@ -142,7 +142,7 @@ class Source:
             self._awake.notify()
 
     def run(self) -> None:
-        """Subscribe and unsubscribe as wanted, without end. This thread calls the master."""
+        """Subscribe and unsubscribe as wanted, without end. This thread asks the robot."""
         while True:
             self.looked_s = time.monotonic()
             with self._awake:
@@ -163,7 +163,7 @@ class Source:
             self._call(self.server.forget, name)
         for name in wanted.keys() - self._topics.keys():
             self.looked_s = time.monotonic()
-            self._topics[name] = _Topic(name, wanted[name], self.server.inbox, self._definitions)
+            self._topics[name] = _Topic(name, wanted[name], self.server.inbox, self._listen)
 
     def _look(self, topic: _Topic) -> None:
         state = topic.look()
