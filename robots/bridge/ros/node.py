@@ -31,6 +31,7 @@ from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.diagnostics import statuses
 from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros import tasks
@@ -47,7 +48,6 @@ from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
-from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.configuration.robot_ros import ros1
@@ -322,7 +322,7 @@ class RosBase:
                 self._await_listener(publisher)
             for name in self._drives.keys() - topics:
                 self._drives.pop(name).unregister()
-        elif use == "speech" and (speech := self.part(SpeechTopics)):
+        elif use == "speech" and (speech := self.part(Voices)):
             speech.attend(topics)
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:

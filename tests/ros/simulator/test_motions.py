@@ -8,7 +8,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import SimpleNamespace
+from unittest.mock import Mock
 from xmlrpc.client import ServerProxy
 
 import pytest
@@ -17,7 +17,6 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from robots.bridge.robot.mailboxes import Mailboxes
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.shared.configuration.bridge_config import Topic
@@ -226,7 +225,7 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
 def test_leaving_a_topic_hides_no_cancel(ros, rosmaster):
     base = RosBase(CONFIG)
     tts = Topic("/left_tts", "pal_interaction_msgs/TtsAction")
-    speech = SpeechTopics(tts, Mailboxes(lambda call: None), SimpleNamespace())
+    speech = SpeechTopics.of(Mock(config=Mock(topics=Mock(speech=tts))))
     speech.attend({"/left_tts", "/kept_tts"})
     try:
         with (

@@ -2,70 +2,41 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection
 from typing import Any
 
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.parts import RobotPart
+from robots.bridge.robot.tasks.speech import SpeechReports, Voices
 from robots.bridge.ros.tasks.actions import ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
-from robots.bridge.tasks.goals import OURS
-from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance
+from robots.bridge.tasks.speech import Utterance
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.texts import SAID, SENTENCE, cut
+from robots.shared.texts import SENTENCE, cut
 from robots.shared.wire import SpeechStatus
 
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
 
-class SpeechTopics(SpeechOutput, RobotPart):
-    """The topics of one robot's voice: the default and chosen ones, all of one type.
-
-    Changes of goals are reported to `tasks` through `mail`, on the event loop.
-    """
-
-    def __init__(self, default: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
-        self._type = default.type
-        self._mail = mail
-        self._tasks = tasks
-        self._voices: dict[str, _ActionVoice | _PlainVoice] = {}
-        self.attend({default.name})
+class SpeechTopics(RobotPart):
+    """The voices of one robot."""
 
     @classmethod
-    def of(cls, node: Node) -> SpeechTopics | None:
+    def of(cls, node: Node) -> Voices | None:
         speech = node.config.topics.speech
-        return cls(speech, node.mail, node.tasks.speech) if speech else None
-
-    def attend(self, topics: Collection[str]) -> None:
-        """Connect to these topics and no others. Calls the master."""
-        for name in set(topics) - set(self._voices):
-            self._voices[name] = _KINDS[self._type](Topic(name, self._type), self._mail, self._tasks)
-        for name in set(self._voices) - set(topics):
-            self._voices.pop(name).close()
-
-    def say(self, goal_id: str, utterance: Utterance) -> bool:
-        return self._voices[utterance.topic].say(goal_id, utterance)
-
-    def cancel_speech(self, goal_id: str, topic: str) -> None:
-        if topic in self._voices:
-            self._voices[topic].cancel(goal_id)
-
-    @property
-    def cancels(self) -> list[Callable[[], None]]:
-        return [voice.cancel_all for voice in list(self._voices.values())]
+        if speech is None:
+            return None
+        kind, reports = _KINDS[speech.type], SpeechReports(node)
+        return Voices(speech, lambda topic: kind(topic, reports))
 
 
 class _ActionVoice(ActionTopics, GoalListener):
     """pal_interaction_msgs/TtsAction, or an action with the same fields."""
 
-    def __init__(self, action: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
-        self._mail = mail
-        self._tasks = tasks
+    def __init__(self, action: Topic, reports: SpeechReports) -> None:
+        self._reports = reports
         feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
         self._word_begins = feedback.TTS_EVENT_STARTED_PLAYING_WORD
         super().__init__(action, self)
@@ -82,32 +53,20 @@ class _ActionVoice(ActionTopics, GoalListener):
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         statuses = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
-        self._mail.post(
-            ("speech", action),
-            lambda: self._tasks.running(action, statuses, time.monotonic()),
-            can_wait=True,
-        )
+        self._reports.running(action, statuses)
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        if goal_id.startswith(OURS) and feedback.event_type & self._word_begins:
-            said = cut(feedback.text_said, SAID)
-            self._mail.post("said", lambda: self._tasks.said(goal_id, said, time.monotonic()), EVENTS_WAIT)
+        if feedback.event_type & self._word_begins:
+            self._reports.said(goal_id, feedback.text_said)
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        if goal_id.startswith(OURS):
-            outcome = "done" if outcome == "succeeded" else outcome
-            words = cut(result.msg, SENTENCE) or text
-            self._mail.post(
-                "speech ended",
-                lambda: self._tasks.ended(goal_id, outcome, words, time.monotonic()),
-                EVENTS_WAIT,
-            )
+        self._reports.ended(goal_id, outcome, cut(result.msg, SENTENCE) or text)
 
 
 class _PlainVoice:
     """A topic that takes each text as one message and reports no progress."""
 
-    def __init__(self, topic: Topic, _mail: Mailboxes, _tasks: SpeechTasks) -> None:
+    def __init__(self, topic: Topic, _reports: SpeechReports) -> None:
         self._sender = Sender(topic.name, message_class(topic.type))
 
     def say(self, _goal_id: str, utterance: Utterance) -> bool:
