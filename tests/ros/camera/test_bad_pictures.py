@@ -307,7 +307,7 @@ def test_words_say_why_nothing_is_drawn_into_pictures(camera, publish, ros):
 
     camera.want(head="full")
     with ros.speak("/tf", TFMessage) as tf:
-        publish(INFO, info(width=100, height=100), lambda: newest(camera, "head"), "a picture")
+        publish(INFO, info(width=100, height=100), lambda: comes(camera, publish, "head", compressed()), "it")
         warned("100 x 100 pixels, not 640 x 480")
         publish(INFO, info(), lambda: comes(camera, publish, "head", compressed()).lens, "a lens")
         until(lambda: said(transform("neck", "eye"), transform("eye", "neck")) is None, "no pose")
