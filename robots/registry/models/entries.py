@@ -157,7 +157,7 @@ class Allowance(OfProfileOrRobot):
         blank=True,
         validators=[
             RegexValidator(
-                r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$",
+                r"^[A-Za-z][A-Za-z0-9_]*/((msg|srv|action)/)?[A-Za-z][A-Za-z0-9_]*$",
                 _("Write package and type, such as std_msgs/String."),
             )
         ],

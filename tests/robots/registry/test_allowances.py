@@ -167,6 +167,7 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
         ({"type": "geometry_msgs/Twist"}, "name", "velocities move the base"),
         ({"name": "demo/notes"}, "name", "Write a full ROS name"),
         ({"type": "String"}, "type", "Write package and type"),
+        ({"type": "std_msgs/message/String"}, "type", "Write package and type"),
         ({"type": ""}, "type", "Publishing and calling need a type."),
         ({"what": "call", "type": ""}, "type", "Publishing and calling need a type."),
         ({"what": "set"}, "type", "A parameter has no type"),
@@ -187,6 +188,12 @@ def test_a_wrong_entry_is_refused_at_its_field(
     assert list(messages) == [field]
     assert said in messages[field][0]
     assert not robot.allowances.exists()
+
+
+def test_types_may_have_the_names_of_ros2(robot: Robot, staff: User) -> None:
+    allow(robot, staff, type="std_msgs/msg/String")
+    assert bridge_config(robot).allowed[0].type == "std_msgs/msg/String"
+    assert "velocities move the base" in str(complaint(robot, staff, type="geometry_msgs/msg/Twist"))
 
 
 def test_a_missing_capability_cannot_be_chosen(staff: User) -> None:
