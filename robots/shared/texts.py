@@ -1,4 +1,4 @@
-"""Length limits of texts from a robot's network. Longer texts are cut on arrival, with an ellipsis."""
+"""Length limits of texts from a robot's network; sizes in words. Longer texts are cut on arrival, with an ellipsis."""
 
 from __future__ import annotations
 
@@ -54,3 +54,11 @@ def most_of(entries: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
     """Return at most `MOST_GOALS` of these goals, with names cut; names that begin with `ours` come first."""
     own_first = sorted(entries.items(), key=lambda item: not item[0].startswith(ours))
     return {cut(name, NAME): item for name, item in own_first[:MOST_GOALS]}
+
+
+def size_text(size: float) -> str:
+    """Return a number of bytes as a text for people."""
+    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= unit:
+            return f"{size / unit:.3g} {name}"
+    return f"{size:.0f} bytes"

@@ -4,7 +4,7 @@ import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -12,8 +12,9 @@ import pytest
 DOMAINS = 100  # ports of higher domains are those of outgoing connections
 
 
-@pytest.fixture(scope="module")
-def domain() -> Iterator[int]:
+@contextmanager
+def free_domain() -> Iterator[int]:
+    """A domain that no other test uses."""
     for number in range(os.getpid(), os.getpid() + DOMAINS):
         found = 1 + number % DOMAINS
         lock_file = Path(tempfile.gettempdir()) / f"fleet-test-domain-{found}"
@@ -22,3 +23,9 @@ def domain() -> Iterator[int]:
             yield found
             return
     raise AssertionError("no domain is free")
+
+
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    with free_domain() as found:
+        yield found

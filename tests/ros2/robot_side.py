@@ -13,10 +13,12 @@ from contextlib import suppress
 import rclpy
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import LaserScan
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState, LaserScan, Range
+from std_msgs.msg import Float32, String
 
 
 def main() -> None:
@@ -24,6 +26,16 @@ def main() -> None:
     node = rclpy.create_node("base")
     odometry = node.create_publisher(Odometry, "/mobile_base_controller/odom", 10)
     scans = node.create_publisher(LaserScan, "/scan_raw", qos_profile_sensor_data)
+
+    sonars = node.create_publisher(Range, "/sonar_base", 10)
+    battery = node.create_publisher(Float32, "/power/battery_level", 10)
+    joints = node.create_publisher(JointState, "/joint_states", 10)
+    diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    description = node.create_publisher(
+        String, "/robot_description", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    description.publish(String(data="<robot/>"))
 
     def tell(*words: object) -> None:
         print(*words, flush=True)
@@ -49,14 +61,25 @@ def main() -> None:
         scan.header.stamp, scan.header.frame_id = now, "laser"
         scan.ranges = [1.0, 2.0, float("inf"), 4.0, 5.0]
         scans.publish(scan)
+        sonar = Range(range=0.75)
+        sonar.header.frame_id = "sonar_1"
+        sonars.publish(sonar)
+        battery.publish(Float32(data=62.5))
+        joints.publish(JointState(name=["head_1_joint", "torso"], position=[0.5, -0.25], velocity=[1.0, 2.0]))
+        status = DiagnosticStatus(name="motor", level=DiagnosticStatus.WARN, message="hot")
+        diagnostics.publish(DiagnosticArray(status=[status]))
 
     def spin() -> None:
         with suppress(ExternalShutdownException):
             rclpy.spin(node)
 
     node.create_timer(0.05, report)
-    threading.Thread(target=spin, daemon=True).start()
+    spinning = threading.Thread(target=spin, daemon=True)
+    spinning.start()
     sys.stdin.read()
+    rclpy.shutdown()
+    spinning.join()
+    node.destroy_node()  # else others miss it only after 20 s
     os._exit(0)  # its threads never end
 
 

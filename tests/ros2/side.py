@@ -40,6 +40,7 @@ class Side:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self._lines.put(line.strip())
+        self._lines.put("ended")
 
     def await_line(self, begin: str, which: Callable[[list[str]], bool] = lambda words: True) -> list[str]:
         """Return the words of the next such line; others are dropped."""
@@ -48,6 +49,7 @@ class Side:
             words = self._lines.get(timeout=max(until_s - time.monotonic(), 0.0)).split()
             if words[0] == begin and which(words):
                 return words
+            assert words[0] != "ended", f"the process has ended; no such line: {begin}"
             assert time.monotonic() < until_s, f"no such line: {begin}"
 
     def say(self, line: str) -> None:

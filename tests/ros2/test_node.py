@@ -1,12 +1,23 @@
 """The bridge’s rclpy node against a robot’s base, each in a process and both in a domain of their own."""
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 
+from tests.ros2.conftest import free_domain
 from tests.ros2.side import Side, needs_rclpy
 
 RUN = 7  # place of the run in a line about odometry
 
 pytestmark = needs_rclpy
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """A domain for each test: a killed process stays in its domain for 20 s."""
+    with free_domain() as found:
+        yield found
 
 
 @pytest.fixture
@@ -17,8 +28,8 @@ def robot(domain: int):
 
 
 @pytest.fixture
-def bridge(domain: int, robot: Side):
-    side = Side("tests.ros2.bridge_side", domain)
+def bridge(domain: int, robot: Side, tmp_path: Path):
+    side = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path))
     yield side
     side.close()
 
@@ -26,6 +37,12 @@ def bridge(domain: int, robot: Side):
 def test_core_gets_odometry_and_scans(bridge: Side) -> None:
     assert bridge.await_line("odometry")[1:] == ["1.5", "0.0", "0.0", "0.25", "0.0", "-0.5", "1", "True"]
     assert bridge.await_line("scan")[1:] == ["/scan_raw", "1.0", "2.0", "inf", "4.0", "5.0", "-1.0", "10.0"]
+    assert bridge.await_line("range") == ["range", "sonar_1", "0.75"]
+    assert bridge.await_line("battery") == ["battery", "62.5"]
+    assert bridge.await_line("described") == ["described", "8"]
+    bridge.await_line("diagnostics", lambda words: words[1:] == ["motor", "1", "/base"])
+    bridge.say("joints")
+    assert bridge.await_line("joints") == ["joints", "0.5", "-0.25", "None"]
 
 
 def test_twists_and_cancels_reach_the_robot(bridge: Side, robot: Side) -> None:
@@ -47,9 +64,31 @@ def test_a_bridge_that_ends_leaves_zero(bridge: Side, robot: Side) -> None:
 
 def test_another_run_of_the_robot_is_another_run(domain: int, bridge: Side, robot: Side) -> None:
     before = bridge.await_line("odometry")[RUN]
+    bridge.await_line("described")  # the first survey is over
     robot.close(kill=True)
     again = Side("tests.ros2.robot_side", domain)
     try:
         bridge.await_line("odometry", lambda words: words[RUN] != before)
+        bridge.await_line("restarted")
     finally:
         again.close()
+
+
+def test_only_one_bridge_drives_a_robot(domain: int, bridge: Side, robot: Side, tmp_path: Path) -> None:
+    bridge.await_line("listened")
+    second = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path / "another"))
+    try:
+        assert "drives this robot" in " ".join(
+            second.await_line("status", lambda words: words[1] == "refused")
+        )
+        bridge.close(kill=True)
+        second.await_line("listened")
+    finally:
+        second.close()
+
+
+def test_a_page_reads_whether_the_robot_is_there(bridge: Side, robot: Side) -> None:
+    bridge.await_line("listened")
+    bridge.await_line("status", lambda words: words[1] == "connecting")
+    robot.close()
+    assert "Nothing" in bridge.await_line("status", lambda words: words[1] == "waiting")

@@ -1,82 +1,175 @@
-"""The bridge's rclpy node: subscribes to one robot's topics and publishes to its drive topic.
-
-The first part of the interface of `robots.bridge.ros.node.RosBase`: drive topic, odometry, lasers, cancels of actions.
-"""
+"""The bridge's rclpy node: subscribes to one robot's topics and publishes to its drive topic."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 import time
-from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from action_msgs.srv import CancelGoal
-from geometry_msgs.msg import Twist, TwistStamped
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan
+from rclpy.event_handler import PublisherEventCallbacks
 
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
-from robots.bridge.robot.mailboxes import Mailboxes
-from robots.bridge.ros2.participant import Participant, guarded
-from robots.bridge.ros2.qos import DRIVE, sensor
-from robots.bridge.ros2.sensors import brief
-from robots.shared.configuration.bridge_config import Topics
-from robots.shared.geometry.poses import STILL, Velocity
+from robots.bridge.robot.descriptions import Descriptions
+from robots.bridge.robot.inputs import Inputs
+from robots.bridge.robot.interface import RobotParameters
+from robots.bridge.robot.network.surveys import Surveys
+from robots.bridge.robot.parts import Parts, kinds_in
+from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.sensors.depth import DepthReception
+from robots.bridge.robot.sensors.joints import JointReception
+from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.worker import Worker
+from robots.bridge.robot_reports import RosStatus
+from robots.bridge.ros2 import tasks
+from robots.bridge.ros2.drive import InvalidHandle, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.network.domain_monitor import DomainMonitor
+from robots.bridge.ros2.network.graph import Graph, node_name
+from robots.bridge.ros2.network.parameters import NodeParameters
+from robots.bridge.ros2.network.presence import Presence
+from robots.bridge.ros2.network.survey import is_there, own_listeners, problems
+from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.qos import DRIVE
+from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
+from robots.bridge.ros2.sensors.description import DescriptionTopic
+from robots.bridge.ros2.sensors.tf import TfTopics
+from robots.bridge.ros2.sensors.topics import SensorTopics
+from robots.bridge.tasks.holder_tasks import HolderTasks
+from robots.bridge.tasks.input_routing import goal_topic
+from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.configuration.robot_ros import ros2
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.graph import SystemState
 from robots.shared.processes.probe_findings import BRIDGE
+from robots.shared.sentences import say
+from robots.shared.texts import MOST_NODES
+from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)
+P = TypeVar("P")
+PARTS = kinds_in(tasks)
 
-ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
-PUBLISHERS = 4
 LEAVE_S = 1.0
 FLUSH_S = 0.1
+LISTENER_PATIENCE_S = 0.5
+HEARD_S = 2.0  # a publisher of odometry that is silent for longer may have ended
 
 
 class RosBase:
     """The robot's ROS interface for `Core`. Passes data from the executor's thread to `Core` on the event loop."""
 
-    def __init__(self, topics: Topics, domain: int, namespace: str = "/") -> None:
-        self._topics = topics
-        self._domain, self._namespace = domain, namespace
-        self._stamped = topics.drive.type == "geometry_msgs/TwistStamped"
-        self._participant: Participant | None = None
-        self._drive: Any = None
+    def __init__(self, config: BridgeConfig) -> None:
+        self.config = config
+        self._ros = ros2(config.ros)
+        self._drives: dict[str, Any] = {}  # by topic: the default and a chosen one
         self._cancels: list[Any] = []
-        self._run, self._number = 0, 0  # of the odometry's publisher; of its last message
-        # The newest publishers: two that publish in turn must not count as new each time.
-        self._publishers: deque[bytes | None] = deque(maxlen=PUBLISHERS)
-        self.mail = Mailboxes(self.post, lambda: self._core.needs_fresh_sensors)
-        self._loop: asyncio.AbstractEventLoop
-        self._core: Core
-        self._run_on_loop: Callable[[Callable[[], None]], None]
+        self._own_listeners = 0  # of the drive topic: the console's own processes
+        self._tf: TfTopics | None = None
+        self._on_demand: OnDemandTopics | None = None
+        self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
+        self._topic_worker = Worker("topics")
+        self._monitor = DomainMonitor(self)
+        self._runs: set[int] = set()  # of odometry, at the last survey that heard any
+        self._diagnosing: dict[bytes, str] = {}  # nodes by their publisher of diagnostics
+        self._text: str | None = None  # the description at the last survey
+        self._reception = Reception(config.topics)
+        self.mail, self.post = self._reception.mail, self._reception.post
+        self._surveys = Surveys(config, self._reception, self._system, self._run_of_map_server)
+        self.find_listener = self._surveys.find_listener
+        self._inputs = Inputs(config.topics.drive.name, self._reception, self._topic_worker, self._connect)
+        self.parts = Parts(PARTS, self._inputs)
+        self.parameters: RobotParameters
+        self._participant: Participant
+        self._graph: Graph
+        self._presence: Presence
+        self._sensors: SensorTopics
+        self._description: DescriptionTopic
+        self._descriptions: Descriptions
+        self._on_lost: Callable[[bool], None]
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody looks at views."""
+        return self._reception.watched
+
+    @watched.setter
+    def watched(self, watched: bool) -> None:
+        self._reception.watched = watched
+
+    def joints(self, now_s: float) -> dict[str, float]:
+        """Return the positions (rad or m) of joints of the robot's description, as far as they are known."""
+        return self.posture.shown(now_s) if self.posture else {}
 
     # --- called by Core ----------------------------------------------------------------------------
 
+    def part(self, kind: type[P]) -> P | None:
+        """Return the part that does this; None: the robot has none, or is not connected yet."""
+        return self.parts.find(kind)
+
+    def joint(self, name: str) -> float | None:
+        """Return the position of a joint (rad or m); None if it was not reported lately."""
+        return self.posture.joint(name, time.monotonic()) if self.posture else None
+
     def publish(self, velocity: Velocity) -> None:
         """Publish a twist if the drive topic is connected."""
-        if self._drive is not None:
-            self._drive.publish(self._twist(velocity))
+        drive = self._drive
+        if drive is not None:
+            try:
+                drive.publish(twist_of(velocity, drive.msg_type))
+            except InvalidHandle:  # its topic is being closed
+                log.warning("a velocity was not published: its topic is closed")
 
     def take_odometry(self) -> None:
-        """Handle odometry that has arrived and waits for the event loop."""
-        try:
-            self.mail.take("odometry")
-        except Exception:  # the decision that needs it must be made
-            log.exception("odometry could not be handled")
+        self._reception.take_odometry()
+
+    def acknowledged_s(self, _now_s: float) -> float | None:
+        """Return None: DDS does not tell when the robot's computer got a twist."""
+        return None
 
     def cancel_all(self) -> None:
-        """Cancel the goals of all clients, as an emergency stop must: with zero id and zero stamp."""
-        for client in self._cancels:
-            if client.service_is_ready():
-                # Nobody reads the answer: a server that never answers must not leave one waiting for each stop.
-                client.remove_pending_request(client.call_async(CancelGoal.Request()))
+        """Cancel the goals of all clients, as an emergency stop must."""
+        cancel_goals(self._cancels)
+        for part in self.parts.connected:
+            for cancel in part.cancels:
+                try:
+                    cancel()
+                except Exception:  # the other actions' goals are cancelled all the same
+                    log.exception("goals of one action were not cancelled")
+
+    def located(self) -> tuple[float, Pose] | None:
+        """Return the newest transform from map to odometry and its stamp, if a person drives."""
+        return self._tf.located() if self._tf else None
+
+    @property
+    def _drive(self) -> Any:
+        """Return the publisher that twists use now; None: there is none yet."""
+        return self._drives.get(self._inputs.drive)
 
     @property
     def listeners(self) -> int:
         """Return the number of the robot's nodes that listen to the drive topic."""
-        return 0 if self._drive is None else int(self._drive.get_subscription_count())
+        drive = self._drive
+        try:
+            return max(drive.get_subscription_count() - self._own_listeners, 0) if drive is not None else 0
+        except InvalidHandle:  # its topic is being closed
+            return 0
+
+    def hurry(self, wanted: bool) -> None:
+        """Do nothing: messages are always read at once."""
+
+    def use_on_demand_topics(self, wanted: bool) -> None:
+        """Subscribe to the costly topics (depth, tf) only while a person drives."""
+        if self._on_demand is not None:
+            self._on_demand.set_wanted(wanted)
+
+    def map_to_odom(self) -> Pose | None:
+        """Return the odometry frame in the map frame, if the robot has a map and a person drives."""
+        located = self.located()
+        return located and located[1]
 
     # --- life ----------------------------------------------------------------------------------------
 
@@ -85,78 +178,184 @@ class RosBase:
         loop: asyncio.AbstractEventLoop,
         core: Core,
         run_on_loop: Callable[[Callable[[], None]], None],
+        on_lost: Callable[[bool], None],
     ) -> None:
-        """Join the robot's domain. `run_on_loop` runs calls with the robot's data on the loop."""
-        self._loop, self._core, self._run_on_loop = loop, core, run_on_loop
-        self._participant = participant = Participant(BRIDGE.strip("/"), self._namespace, self._domain)
-        node, topics = participant.node, self._topics
-        node.create_subscription(
-            Odometry, topics.odometry.name, guarded(self._on_odometry), sensor(ODOMETRY_WAITS), raw=True
-        )
-        for scan in topics.scans:
-            node.create_subscription(
-                LaserScan, scan.topic, guarded(self._on_scan(scan.topic)), sensor(1), raw=True
-            )
-        self._cancels = [
-            node.create_client(CancelGoal, f"{action}/_action/cancel_goal") for action in topics.cancelled
-        ]
-        self._drive = node.create_publisher(
-            TwistStamped if self._stamped else Twist, topics.drive.name, DRIVE
-        )
-        participant.start()
+        """Start the search for the robot. After `on_lost`, only a new process can be this robot's bridge.
+
+        `on_lost` gets True if another bridge has the robot. `run_on_loop` runs calls with the robot's data on the
+        loop.
+        """
+        self._reception.start(loop, core, run_on_loop)
+        self._on_lost = on_lost
+        self._monitor.start()
 
     def stop(self) -> None:
         """Publish zero and leave the domain."""
-        if self._participant is None:
+        self._monitor.close()
+        if self._drive is None:
             return
         self.publish(STILL)
         time.sleep(FLUSH_S)  # the zero leaves before the participant does
         self._participant.close(LEAVE_S)
 
-    # --- on the executor's thread ----------------------------------------------------------------------
+    # --- called by the domain monitor (domain_monitor.Node) ------------------------------------------
 
-    def _on_odometry(self, raw: bytes, info: Any) -> None:
-        arrival_s, wall_s = time.monotonic(), time.time()
-        stamp_s, pose, velocity = brief.odometry(raw)
-        run = self._run_of(info)
-        self.mail.post(
-            "odometry",
-            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run),
-            ODOMETRY_WAITS,
-            can_wait=True,
+    def join(self) -> None:
+        """Join the robot's domain and read its sensors."""
+        config, namespace, reception = self.config, self._ros.namespace, self._reception
+        name = BRIDGE.strip("/") + namespace.replace("/", "_")
+        self._participant = participant = Participant(
+            name, self._ros.domain_id, lambda: self.lost(name_taken=False)
+        )
+        self._graph = Graph(participant.node)
+        self.parameters = NodeParameters(participant)
+        place = f"{socket.gethostname()}:{config.state_dir}:{config.robot_id}"
+        self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", place, socket.gethostname())
+        self._description = DescriptionTopic(participant, self._graph, f"{namespace}/robot_description")
+        self._descriptions = Descriptions(
+            config.topics, self._description.read, self.posture, reception, f"{namespace}/tf"
+        )
+        arm = reception.posture if config.topics.arm else None
+        joints = JointReception(self.posture, arm) if self.posture else None
+        self._sensors = SensorTopics(config.topics, reception, joints, self._node_of, self._monitor.look)
+        self._sensors.listen(participant)
+        depth, view = config.topics.depth, config.gate.depth
+        if depth and view:
+            self._tf = TfTopics(participant, namespace, depth.base_frame)
+            pictures = DepthReception(depth, view, self._tf.frames, reception, DepthMessages())
+            self._on_demand = OnDemandTopics(
+                self._topic_worker, self._tf, DepthTopics(participant, depth, pictures)
+            )
+        elif config.topics.map or config.topics.navigation:
+            self._tf = TfTopics(participant, namespace)
+            self._on_demand = OnDemandTopics(self._topic_worker, self._tf)
+        participant.start()
+
+    def other_bridge(self) -> str | None:
+        """Say that this bridge is there; return the host of another one that has the robot."""
+        found = self.holds or is_there(self._graph, self.config.topics, self._inputs.drive)
+        return self._presence.step(time.monotonic(), found)
+
+    @property
+    def holds(self) -> bool:
+        """Return whether this bridge has the robot."""
+        return self._presence.holds
+
+    def hold(self) -> None:
+        """Connect to the drive topic: the robot is this bridge's."""
+        topics = self.config.topics
+        self._cancels = [
+            self._participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+            for action in topics.cancelled
+        ]
+        self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
+        self.parts.connect(self)
+
+    def survey(self) -> None:
+        """Report the robot's state. Read missing data, since the robot may start after its bridge."""
+        drive = self._inputs.drive
+        if not is_there(self._graph, self.config.topics, drive):
+            text = say("Nothing of this robot answers in domain {domain}.", domain=self._ros.domain_id)
+            self.report(RosStatus("waiting", text))
+            return
+        if not self.holds:
+            return
+        self._own_listeners = own_listeners(self._graph, drive)
+        system = self._system()
+        self._surveys.surveyed(system, drive, problems(self._graph, drive))
+        self._reception.follow_clock("/clock" in system.types)
+        self._look_for_restart()
+        if self._description.text != self._text:
+            self._text = self._description.text
+            self._descriptions.restarted()
+        self._descriptions.surveyed(system)
+        for part in self.parts.connected:
+            part.surveyed()
+
+    def report(self, status: RosStatus) -> None:
+        """Report the state of the connection to the robot."""
+        self._surveys.report(status)
+
+    def lost(self, name_taken: bool) -> None:
+        """Report that this process cannot be the robot's bridge any more."""
+        self.post(lambda: self._on_lost(name_taken))
+
+    def _look_for_restart(self) -> None:
+        """Notice that all publishers of odometry are new: the robot was restarted."""
+        now_s = time.monotonic()
+        heard = {run for run, heard_s in list(self._sensors.runs.values()) if now_s - heard_s < HEARD_S}
+        if heard and self._runs and not heard & self._runs:
+            log.info("the robot was restarted")
+            self._runs = heard
+            self._reception.restarting()
+            self._surveys.restarted()
+            self._descriptions.restarted()
+            self._reception.restarted()
+        self._runs = self._runs or heard
+
+    @property
+    def tasks(self) -> HolderTasks:
+        """The tasks of the holder. Use them on the event loop only."""
+        return self._reception.core.tasks
+
+    # --- who is in the domain ---------------------------------------------------------------------------
+
+    def _system(self) -> SystemState:
+        """Look for the nodes of all topics that matter to the bridge."""
+        topics, namespace = self.config.topics, self._ros.namespace
+        inputs = [topic for topic in (topics.drive, topics.speech, topics.motions) if topic]
+        inputs += [
+            Topic(one.name, one.type) for one in self.config.allowed if one.what in ("choose", "publish")
+        ]
+        seen = [topic for topic in (topics.odometry, topics.joint_states, topics.map) if topic]
+        names = [topic.name for topic in (*map(goal_topic, inputs), *seen)]
+        names += [scan.topic for scan in topics.scans]
+        return self._graph.system([*names, self._inputs.drive, f"{namespace}/tf"])
+
+    def _run_of_map_server(self, node: str) -> object:
+        """Return what differs after a restart of a node that publishes the map."""
+        topic = self.config.topics.map
+        publishers = self._graph.publishers(topic.name) if topic else []
+        return frozenset(bytes(one.endpoint_gid) for one in publishers if node_name(one) == node)
+
+    def _node_of(self, info: Any) -> str:
+        """Return the name of the node that published a message of diagnostics; empty if it is not known."""
+        gid, topic, names = info.get("publisher_gid"), self.config.topics.diagnostics, self._diagnosing
+        if not gid or topic is None:
+            return ""
+        key = bytes(gid["data"])
+        if key not in names:
+            names.update(
+                (bytes(one.endpoint_gid), node_name(one)) for one in self._graph.publishers(topic.name)
+            )
+            while len(names) > MOST_NODES:
+                del names[next(iter(names))]
+        return names.get(key, "")
+
+    # --- the drive topic --------------------------------------------------------------------------------
+
+    def _drive_publisher(self, name: str) -> Any:
+        return self._participant.node.create_publisher(
+            twist_class(self.config.topics.drive),
+            name,
+            DRIVE,
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: self._monitor.look()),
         )
 
-    def _on_scan(self, source: str) -> Callable[[bytes], None]:
-        def receive(raw: bytes) -> None:
-            scan = brief.scan(raw, source, time.monotonic())
-            self.mail.post(source, lambda: self._core.laser(scan))
+    def _connect(self, use: Use, topics: frozenset[str]) -> None:
+        if use != "drive":
+            return
+        for name in topics - self._drives.keys():
+            publisher = self._drive_publisher(name)
+            self._drives = {**self._drives, name: publisher}
+            self._await_listener(publisher)
+        for name in self._drives.keys() - topics:
+            left = self._drives[name]
+            self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
+            self._participant.node.destroy_publisher(left)
 
-        return receive
-
-    def _run_of(self, info: Any) -> int:
-        """Return the run of the odometry's publisher: a restarted one has another address in the domain (GID).
-
-        Before Jazzy rclpy does not tell it; then a restarted publisher counts its messages from the first again.
-        """
-        gid = info.get("publisher_gid")
-        number = info.get("publication_sequence_number") or 0
-        publisher = bytes(gid["data"]) if gid else None
-        if publisher not in self._publishers or (publisher is None and number < self._number):
-            self._run += 1
-            self._publishers.append(publisher)
-        self._number = number
-        return self._run
-
-    def post(self, call: Callable[[], None]) -> None:
-        """Run a call on the event loop."""
-        if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._run_on_loop, call)
-
-    def _twist(self, velocity: Velocity) -> Twist | TwistStamped:
-        twist = Twist()
-        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
-        if not self._stamped or self._participant is None:
-            return twist
-        stamped = TwistStamped(twist=twist)
-        stamped.header.stamp = self._participant.node.get_clock().now().to_msg()
-        return stamped
+    def _await_listener(self, publisher: Any) -> None:
+        """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""
+        deadline_s = time.monotonic() + LISTENER_PATIENCE_S
+        while not publisher.get_subscription_count() and time.monotonic() < deadline_s:
+            time.sleep(FLUSH_S / 10)

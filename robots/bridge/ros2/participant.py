@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
@@ -12,16 +13,29 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
+from robots.bridge.robot.board import BOARD
+from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.sizes import most_bytes
+from robots.shared.sentences import say
+from robots.shared.texts import size_text
+from robots.shared.unreachable import Unreachable
+
 log = logging.getLogger(__name__)
+
+LOOK_S = 0.02  # between looks for a service
+
+Take = Callable[[bytes, Any], None]
 
 
 class Participant:
     """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments."""
 
-    def __init__(self, name: str, namespace: str, domain: int) -> None:
+    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = lambda: None) -> None:
         self._context = Context()
+        self._on_failed = on_failed
         rclpy.init(
             args=[],
             context=self._context,
@@ -30,7 +44,6 @@ class Participant:
         )
         self.node = Node(
             name,
-            namespace=namespace,
             context=self._context,
             cli_args=[],
             use_global_arguments=False,
@@ -46,10 +59,55 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
+    def listen(self, topic: str, type_name: str, take: Take, qos: QoSProfile) -> Subscription:
+        """Give `take` the bytes of each message, with what is known about it.
+
+        Larger messages than the console reads are dropped: DDS cuts nobody off, but decoding is what costs.
+        """
+        most = most_bytes(type_name)
+
+        def receive(raw: bytes, info: Any) -> None:
+            if len(raw) <= most:
+                take(raw, info)
+                return
+            BOARD.complain(
+                topic,
+                say(
+                    "{topic}: a node sends messages of {size}, at most {most} is taken.",
+                    topic=topic,
+                    size=size_text(len(raw)),
+                    most=size_text(most),
+                ),
+            )
+
+        subscription = self.node.create_subscription(
+            message_class(type_name), topic, _guarded(receive), qos, raw=True
+        )
+        return Subscription(self.node, subscription)
+
+    def ask(self, kind: Any, service: str, request: Any, patience_s: float) -> Any:
+        """Call a service and return its answer. Raises `Unreachable`. Not for the executor's thread."""
+        client, answered = self.node.create_client(kind, service), threading.Event()
+        until_s = time.monotonic() + patience_s
+        try:
+            while not client.service_is_ready():
+                if time.monotonic() >= until_s:
+                    raise Unreachable(say("no node of the robot serves {service}", service=service))
+                time.sleep(LOOK_S)
+            answer = client.call_async(request)
+            answer.add_done_callback(lambda _: answered.set())
+            if not answered.wait(max(until_s - time.monotonic(), LOOK_S)):
+                raise Unreachable(say("{service} does not answer", service=service))
+            return answer.result()
+        finally:
+            self.node.destroy_client(client)
+
     def close(self, patience_s: float) -> None:
-        """Leave the domain."""
+        """Leave the domain. Without the end of the node, others would miss this participant only after 20 s."""
         self._executor.shutdown(patience_s)
-        self._thread.join(patience_s)
+        if self._thread.is_alive():
+            self._thread.join(patience_s)
+        self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
     def _spin(self) -> None:
@@ -59,10 +117,21 @@ class Participant:
             pass
         except Exception:
             log.exception("the executor failed")
-            raise
+            self._on_failed()
 
 
-def guarded(callback: Callable[..., None]) -> Callable[..., None]:
+class Subscription:
+    """One topic that this process listens to."""
+
+    def __init__(self, node: Node, subscription: Any) -> None:
+        self._node, self._subscription = node, subscription
+
+    def unregister(self) -> None:
+        """End it."""
+        self._node.destroy_subscription(self._subscription)
+
+
+def _guarded(callback: Callable[..., None]) -> Callable[..., None]:
     """Return a callback that no message can make fail: an exception would end the executor."""
 
     @wraps(callback)  # rclpy asks for its parameters: with two, it gets what is known about the message too

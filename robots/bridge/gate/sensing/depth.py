@@ -93,7 +93,7 @@ class Cloud(NamedTuple):
     row_step: int
     offsets: Mapping[str, int]
     big_endian: bool
-    data: bytes
+    data: bytes | memoryview
 
 
 class Picture(NamedTuple):

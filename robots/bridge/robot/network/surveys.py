@@ -13,6 +13,7 @@ from robots.bridge.robot.reception import Reception
 from robots.bridge.robot_reports import RosStatus
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.graph import SystemState, is_own
+from robots.shared.messages.type_names import bare
 from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
 from robots.shared.sentences import say
 from robots.shared.texts import SENTENCE, cut, named
@@ -105,7 +106,7 @@ def _listened(system: SystemState) -> dict[str, str]:
 
 def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
     found = types.get(topic.name)
-    if found in (None, "*", topic.type):
+    if found is None or found == "*" or bare(found) == bare(topic.type):
         return ""
     key = "{topic} is {found} on the robot, {type} in the registry."
     return say(key, topic=topic.name, found=found, type=topic.type)

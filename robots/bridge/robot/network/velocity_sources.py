@@ -9,7 +9,14 @@ from robots.shared.texts import TITLE, cut, named
 
 # Named topics, and nodes of each: the answer to a stop has them, too, and must stay small.
 MOST_TOPICS = MOST_NODES = 3
-VELOCITIES = frozenset({"geometry_msgs/Twist", "geometry_msgs/TwistStamped"})
+VELOCITIES = frozenset(
+    {
+        "geometry_msgs/Twist",
+        "geometry_msgs/TwistStamped",
+        "geometry_msgs/msg/Twist",
+        "geometry_msgs/msg/TwistStamped",
+    }
+)
 
 
 def velocity_sources(system: SystemState, drive: str, odometry: str) -> dict[str, list[str]]:

@@ -30,11 +30,11 @@ from rospy.impl.transport import INBOUND
 
 from robots.bridge.robot.board import BOARD
 from robots.bridge.ros.bounds.servers import CALL_REFUSED
-from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
+from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.sentences import say
-from robots.shared.texts import NAME, cut
+from robots.shared.texts import NAME, cut, size_text
 
 log = logging.getLogger(__name__)
 

@@ -56,11 +56,3 @@ def expect(topic: str, type_name: str) -> None:
 def kind_of(topic: str, type_name: str) -> Kind:
     """Return the limits of a publisher of this topic that is read as this type."""
     return KINDS.get(_expected.get(topic, type_name), Kind())
-
-
-def size_text(size: float) -> str:
-    """Return a number of bytes as a text for people."""
-    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
-        if size >= unit:
-            return f"{size / unit:.3g} {name}"
-    return f"{size:.0f} bytes"

@@ -1,0 +1,48 @@
+"""What bridge and watchdog send to a robot: velocities, and cancels of all goals of an action."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.geometry.poses import Velocity
+
+log = logging.getLogger(__name__)
+
+InvalidHandle: type[Exception] = rclpy_implementation.InvalidHandle  # what a closed publisher raises
+
+
+def twist_class(drive: Topic) -> type[Any]:
+    """Return the class of messages on the drive topic."""
+    kind: type[Any] = TwistStamped if drive.type.endswith("/TwistStamped") else Twist
+    return kind
+
+
+def twist_of(velocity: Velocity, kind: type[Any]) -> Twist | TwistStamped:
+    """Return a message of this class. A stamp is this computer's time: controllers refuse old ones."""
+    twist = Twist()
+    twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+    if kind is Twist:
+        return twist
+    stamped = TwistStamped(twist=twist)
+    stamp = stamped.header.stamp
+    stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+    return stamped
+
+
+def cancel_goals(clients: Iterable[Any]) -> None:
+    """Cancel all goals of these actions, from any sender: zero id and zero stamp mean all."""
+    for client in clients:
+        try:
+            if client.service_is_ready():
+                # Nobody reads the answer: a server that never answers must not leave one waiting for each stop.
+                client.remove_pending_request(client.call_async(CancelGoal.Request()))
+        except Exception:  # the other actions' goals are cancelled all the same
+            log.exception("goals of one action were not cancelled")

@@ -1,0 +1,23 @@
+"""Classes of message types by their names."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+
+class TypeUnknown(Exception):
+    """The package of a type is not on this computer, or has no such type."""
+
+
+@cache
+def message_class(name: str) -> type[Any]:
+    """Return the class of a message type such as "geometry_msgs/msg/Twist"."""
+    package, _, kind = name.partition("/")
+    folder, _, kind = kind.rpartition("/")
+    try:
+        found: type[Any] = getattr(import_module(f"{package}.{folder or 'msg'}"), kind)
+    except (ImportError, AttributeError) as error:
+        raise TypeUnknown(name) from error
+    return found

@@ -1,0 +1,89 @@
+"""A depth camera's topics. A thread of its own prepares the newest picture, while the executor reads tf for it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from robots.bridge.gate.sensing.depth import Cloud, DepthImage, Lens
+from robots.bridge.robot.sensors.depth import DepthReception, Unreadable
+from robots.bridge.ros2.participant import Participant, Subscription
+from robots.bridge.ros2.qos import sensor
+from robots.bridge.ros2.sensors import pictures
+from robots.shared.configuration.bridge_config import DepthSource
+
+
+class DepthTopics:
+    """The topics of one depth camera."""
+
+    def __init__(self, participant: Participant, source: DepthSource, reception: DepthReception) -> None:
+        self._participant, self._source, self._reception = participant, source, reception
+        self._newest = _Newest(reception.receive)
+
+    def listen(self) -> list[Subscription]:
+        """Subscribe."""
+        source, listen = self._source, self._participant.listen
+        subscriptions = [listen(source.topic, source.type, self._take, sensor(1))]
+        if source.info:
+            subscriptions.append(listen(source.info, "sensor_msgs/msg/CameraInfo", self._learn, sensor(1)))
+        return subscriptions
+
+    def forget(self) -> None:
+        """Do nothing: no picture is stored."""
+
+    def _take(self, raw: bytes, _info: Any) -> None:
+        self._newest.put(raw)
+
+    def _learn(self, raw: bytes, _info: Any) -> None:
+        self._reception.learn(raw)
+
+
+class DepthMessages:
+    """Reads the messages of ROS 2."""
+
+    def image(self, raw: bytes) -> tuple[float, str, DepthImage]:
+        """Return stamp, frame and picture of an Image."""
+        with _read():
+            return pictures.depth_image(raw)
+
+    def cloud(self, raw: bytes) -> tuple[float, str, Cloud]:
+        """Return stamp, frame and points of a PointCloud2."""
+        with _read():
+            return pictures.cloud(raw)
+
+    def info(self, raw: bytes) -> tuple[int, int, Lens]:
+        """Return width, height and lens of a CameraInfo."""
+        return pictures.lens(raw)
+
+
+@contextmanager
+def _read() -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise Unreadable(error) from error
+
+
+class _Newest:
+    """Runs `take` with the newest bytes, on a thread that ends with the process."""
+
+    def __init__(self, take: Callable[[bytes], None]) -> None:
+        self._take = take
+        self._raw: bytes | None = None
+        self._news = threading.Condition()
+        threading.Thread(target=self._run, name="depth", daemon=True).start()
+
+    def put(self, raw: bytes) -> None:
+        with self._news:
+            self._raw = raw
+            self._news.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._raw is not None)
+                raw, self._raw = self._raw, None
+            if raw is not None:
+                self._take(raw)

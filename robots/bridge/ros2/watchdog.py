@@ -1,0 +1,103 @@
+"""The watchdog's part in a robot's domain. It only publishes, so that no message of the robot can delay it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from typing import Any
+
+from action_msgs.srv import CancelGoal
+
+from robots.bridge.ros2.drive import InvalidHandle, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.qos import DRIVE
+from robots.shared.configuration.robot_ros import ros2
+from robots.shared.configuration.watchdog_config import WatchdogConfig
+from robots.shared.geometry.poses import STILL
+
+log = logging.getLogger(__name__)
+
+FLUSH_S = 0.1
+LEAVE_S = 1.0
+
+
+class WatchdogNode:
+    """Publishes zeros and cancels at one robot."""
+
+    def __init__(self, config: WatchdogConfig) -> None:
+        self._config = config
+        self._participant: Participant | None = None
+        self._wanted = {config.drive.name}
+        self._drives: dict[str, Any] = {}
+        self._cancels: list[Any] = []
+        self._news = threading.Event()
+        self._ending = False
+
+    def start(self) -> None:
+        """Join the robot's domain on a separate thread."""
+        threading.Thread(target=self._keep_joined, name="domain", daemon=True).start()
+
+    def stop(self) -> None:
+        """Leave the robot's domain."""
+        self._ending = True
+        self._news.set()
+        if self._participant is not None:
+            time.sleep(FLUSH_S)  # the last zero leaves before the participant does
+            self._participant.close(LEAVE_S)
+
+    # --- called by the watchdog (watchdog.process.Watchdog) --------------------------------------------
+
+    def zero(self) -> int:
+        """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
+        reached = 0
+        for publisher in list(self._drives.values()):
+            try:
+                publisher.publish(twist_of(STILL, publisher.msg_type))
+                reached += publisher.get_subscription_count()
+            except InvalidHandle as error:  # its topic is being closed
+                log.warning("a zero was not published: %s", error)
+        return reached
+
+    def cancel(self) -> None:
+        """Cancel the goals of all clients."""
+        cancel_goals(self._cancels)
+
+    def drive_to(self, topic: str) -> None:
+        """Publish zeros on this topic from now on, in addition to the default topic. Returns at once."""
+        wanted = {self._config.drive.name, topic}
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._news.set()
+
+    # --- on the thread for the domain ------------------------------------------------------------------
+
+    def _keep_joined(self) -> None:
+        try:
+            self._participant = participant = Participant(
+                self._config.node.strip("/"), ros2(self._config.ros).domain_id
+            )
+            self._cancels = [
+                participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+                for action in self._config.actions
+            ]
+            while not self._ending:
+                self._attend(participant)
+                self._news.wait()
+                self._news.clear()
+        except Exception:
+            if not self._ending:
+                log.exception("joining the robot's domain failed")
+                os._exit(1)
+
+    def _attend(self, participant: Participant) -> None:
+        """Keep a publisher for each wanted drive topic, and for no other."""
+        wanted = self._wanted
+        for name in wanted - self._drives.keys():
+            publisher = participant.node.create_publisher(twist_class(self._config.drive), name, DRIVE)
+            self._drives = {**self._drives, name: publisher}
+        for name in self._drives.keys() - wanted:
+            left = self._drives[name]
+            self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
+            participant.node.destroy_publisher(left)

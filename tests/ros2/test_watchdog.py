@@ -1,0 +1,41 @@
+"""The watchdog of a ROS 2 robot, a process of its own, with no bridge beside it."""
+
+import socket
+import uuid
+from pathlib import Path
+
+import msgspec
+
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.configuration.watchdog_config import WatchdogConfig
+from tests.processes import until
+from tests.ros2.side import Side, needs_rclpy
+
+pytestmark = needs_rclpy
+
+
+def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, tmp_path: Path) -> None:
+    config = WatchdogConfig(
+        robot_id=uuid.uuid4(),
+        slug="tiago",
+        ros=Ros2(domain, "localhost"),
+        node="/fleet_watchdog_0",
+        drive=Topic("/key_vel", "geometry_msgs/msg/Twist"),
+        actions=("/nobody", "/play_motion2"),
+        lane=str(tmp_path / "lane"),
+        state_dir=str(tmp_path),
+    )
+    robot = Side("tests.ros2.robot_side", domain)
+    watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())
+    try:
+        until(Path(config.lane).exists, "the watchdog listens")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
+            lane.connect(config.lane)
+            lane.send(wire.encode(wire.LinkStop("ann", press=uuid.uuid4())))
+            assert robot.await_line("twist") == ["twist", "0.0", "0.0"]
+            assert robot.await_line("cancel") == ["cancel", "all"]
+    finally:
+        watchdog.close()
+        robot.close()
