@@ -327,14 +327,14 @@ class Core:
     # --- reports from the robot -------------------------------------------------------------------
 
     def ros_status(self, status: RosStatus, now_s: float) -> None:
-        """Take a new state of the ROS connection: master joined or lost, or topics surveyed again."""
+        """Take a new state of the ROS connection: robot joined or lost, or topics surveyed again."""
         was_joined = self.reports.is_joined
         self.reports.take_status(status)
         if self.reports.is_joined and not was_joined:
             self._cancels.joined(now_s)
         elif was_joined and not self.reports.is_joined:
             self._cancels.lost()
-            self.halt("robot_offline", say("the robot’s ROS master was lost"), now_s)
+            self.halt("robot_offline", say("the connection to the robot’s ROS was lost"), now_s)
 
     def follow_clock(self, *, simulated: bool) -> None:
         """Note whether the robot's clock is simulated: it runs slower or faster than ours, and pauses."""
@@ -354,7 +354,7 @@ class Core:
     ) -> None:
         """Take one odometry message; `wall_s` is this computer's time of day at arrival, for the clock skew.
 
-        `run` differs for another publisher and for another run of the robot's master. The message is the newest of so
+        `run` differs for another publisher and for another run of the robot's ROS. The message is the newest of so
         many `messages` that came together.
         """
         if not all(math.isfinite(value) for value in (*pose, *velocity)):
@@ -409,7 +409,7 @@ class Core:
         self._records.keep_description(taken, failed)
 
     def restarting(self, now_s: float) -> None:
-        """Note that the robot's master, and maybe the robot, was restarted, before its first messages come."""
+        """Note that the robot's ROS, and maybe the robot, was restarted, before its first messages come."""
         self.tasks.navigation.map_doubted(now_s, restarted=True)
 
     def restarted(self, now_s: float) -> None:

@@ -403,7 +403,7 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
         log.error("%s", error)
         return EXIT_ALREADY_RUNNING
     limit_memory(MOST_BYTES)
-    sys.setswitchinterval(0.001)  # s: the control loop waits for rospy's threads for a shorter time
+    sys.setswitchinterval(0.001)  # s: the control loop waits for the ROS side's threads for a shorter time
     try:
         return asyncio.run(Bridge(config, sink, store).run())
     finally:

@@ -47,7 +47,7 @@ class Base(Robot, Protocol):
 
 
 class RosStatus(Struct, frozen=True):
-    """State of the connection to the robot's ROS master, from the master monitor."""
+    """State of the connection to the robot's ROS, from the monitor of its side."""
 
     phase: Literal["waiting", "refused", "connecting"]
     text: str
@@ -73,7 +73,7 @@ class RobotReports:
 
     @property
     def is_joined(self) -> bool:
-        """Return whether the robot's master has this bridge registered."""
+        """Return whether this bridge has joined the robot."""
         return self.ros.phase == "connecting"
 
     def take_status(self, status: RosStatus) -> None:

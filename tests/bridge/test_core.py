@@ -786,5 +786,5 @@ def test_state_says_why_memory_was_dropped_and_how_long_ago(bench):
     bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, run=1)
     bench.now_s += 5.0
     assert (said().number, said().code, said().ago_s) == (1, "odometry_restarted", 2.0)
-    assert said().text == "The robot forgot what it saw before: its odometry or its ROS master was restarted."
+    assert said().text == "The robot forgot what it saw before: its odometry or its ROS was restarted."
     assert bench.core.headline(bench.now_s) != before, "pages are told at once"

@@ -48,7 +48,7 @@ class _Model(NamedTuple):
 class ArmPosture:
     """Posture of one arm. Times are the bridge's monotonic clock, seconds.
 
-    Joint positions and goals arrive on rospy's threads; the gate's thread reads the posture.
+    Joint positions and goals arrive on the threads of the ROS side; the gate's thread reads the posture.
     """
 
     def __init__(self, arm: ArmSource | None) -> None:

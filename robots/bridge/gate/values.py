@@ -37,7 +37,7 @@ class Obstacles(NamedTuple):
 # A sector around the base, counter-clockwise from the first bearing to the second, radians.
 Sector = tuple[float, float]
 
-# Why memory was dropped: a person asked; another publisher of the odometry, or another run of the robot's master; its
+# Why memory was dropped: a person asked; another publisher of the odometry, or another run of the robot's ROS; its
 # stamps went back; its pose jumped; the bridge was started, so the gate is new.
 ForgetCode = Literal["asked", "odometry_restarted", "stamps_back", "jump", "bridge_started"]
 

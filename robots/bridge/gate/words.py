@@ -45,9 +45,7 @@ NOT_SEEN_NOW = say(
 
 FORGOTTEN = {
     "asked": say("The robot forgot what it saw before: a person asked for it."),
-    "odometry_restarted": say(
-        "The robot forgot what it saw before: its odometry or its ROS master was restarted."
-    ),
+    "odometry_restarted": say("The robot forgot what it saw before: its odometry or its ROS was restarted."),
     "stamps_back": say("The robot forgot what it saw before: its clock was set back."),
     "jump": say("The robot forgot what it saw before: the pose of its odometry jumped."),
     "bridge_started": say("The robot forgot what it saw before: its bridge was started."),

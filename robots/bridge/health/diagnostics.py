@@ -117,7 +117,7 @@ class Diagnostics:
         self._began_s = -math.inf  # start of the robot's present run
 
     def restarted(self, now_s: float) -> None:
-        """Note that the robot, or only its master, restarted: earlier reports may no longer be true."""
+        """Note that the robot, or only its ROS, restarted: earlier reports may no longer be true."""
         self._began_s = now_s
 
     def observe(self, statuses: Iterable[Status], now_s: float) -> None:

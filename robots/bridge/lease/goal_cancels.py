@@ -1,6 +1,6 @@
 """Cancels the goals of all nodes at a stop, again and again while the stop is latched.
 
-One cancel may be lost: the master is away, a subscriber is not connected yet, other nodes send new goals. If the stop
+One cancel may be lost: the robot is away, a subscriber is not connected yet, other nodes send new goals. If the stop
 is cleared before the robot is reached, the cancels go on until it is reached.
 """
 
@@ -14,7 +14,7 @@ from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 
 log = logging.getLogger(__name__)
 
-REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
+REACHED_S = 1.0  # after joining the robot: subscribers of cancel topics are connected by then
 
 
 class GoalCancels:
@@ -24,14 +24,14 @@ class GoalCancels:
         self._cancel_all = cancel_all
         self._repeats = stopped
         self._sent_s = -math.inf
-        self._joined_s = math.inf  # when the robot's master was joined
+        self._joined_s = math.inf  # when the robot was joined
 
     def joined(self, now_s: float) -> None:
-        """Note that the robot's master was joined."""
+        """Note that the robot was joined."""
         self._joined_s = now_s
 
     def lost(self) -> None:
-        """Note that the robot's master was lost."""
+        """Note that the robot was lost."""
         self._joined_s = math.inf
 
     def repeat(self) -> None:

@@ -1,4 +1,4 @@
-"""Decides what is kept: the black box while somebody has control, and recordings on request. Without rospy.
+"""Decides what is kept: the black box while somebody has control, and recordings on request. Without ROS.
 
 Messages arrive on many threads, lines of the bridge on one; a lock joins them, and nobody waits for a disk within it.
 """
@@ -476,8 +476,8 @@ class Recorder:
                 self._say(Finished(taken))
 
     def lost_robot(self) -> None:
-        """Keep what was before the loss of the robot's master."""
-        self._keep(Happened("fault", time.monotonic_ns(), say("The robot’s ROS master was lost.")))
+        """Keep what was before the loss of the robot."""
+        self._keep(Happened("fault", time.monotonic_ns(), say("The connection to the robot’s ROS was lost.")))
 
     def close(self, within_s: float) -> None:
         """Finish what goes on: this process ends."""

@@ -2,7 +2,7 @@
 
 It reads the bridge's config from the first line of stdin, writes the address on which it listens as a JSON line, and
 repeats this line as a sign of life. The bridge answers each line with the robot's clock. The process ends when stdin
-ends or, if it has a node, the robot's master dies. The bridge starts another process when it needs one.
+ends or, if it has a node, the robot is gone. The bridge starts another process when it needs one.
 """
 
 from __future__ import annotations

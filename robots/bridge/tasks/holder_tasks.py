@@ -159,7 +159,7 @@ class HolderTasks:
         if player is not None:
             player.read_motions()
         else:
-            text = say("The robot’s ROS master has not answered yet.")
+            text = say("The robot’s ROS has not answered yet.")
             self.capabilities.read(self.routing.topic("motions"), [], text)
 
     def blocks(self, activity: Activity, now_s: float, but: TaskPart | None = None) -> Refusal | None:

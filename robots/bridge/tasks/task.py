@@ -37,7 +37,7 @@ class Cause(Enum):
     SUPERSEDED = "the holder’s own drive input took over"
     GATE = "the gate forbids the base’s drive to go on"
     HALTED = "the base was halted: the page is gone or back, the stop was cleared, input goes elsewhere"
-    ROBOT_GONE = "the robot’s master was lost"
+    ROBOT_GONE = "the robot’s ROS was lost"
     STOPPED = "the robot was stopped"
     CONTROL_ENDED = "its holder lost control"
     PAGE_LEFT = "its holder’s page is gone"

@@ -167,7 +167,7 @@ def run(config: WatchdogConfig) -> int:
     logging.getLogger("robots").setLevel(logging.INFO)
     log.info("starts, Fleet console %s", os.environ.get("FLEET_RELEASE", "of an unknown release"))
     limit_memory(MOST_BYTES)
-    sys.setswitchinterval(0.001)  # s: zeros wait less for rospy's threads
+    sys.setswitchinterval(0.001)  # s: zeros wait less for the ROS side's threads
     stop_file = StopFile(config.state_dir, config.robot_id)
     rules = StopRules(time.time_ns() // 1_000_000, stop_file.load(), stop_file.before())
     stop_file.start()
