@@ -9,11 +9,20 @@ import msgspec
 import pytest
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.bridge_config import DepthSource, Topic
+from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros2
 from tests.processes import until
 from tests.ros.bridge_support import Hand, drivable, tiago_config
 from tests.ros2.side import Side, needs_rclpy
+
+DEPTH = DepthSource(
+    "/xtion/depth_registered/image_raw",
+    "sensor_msgs/msg/Image",
+    info="/xtion/depth_registered/camera_info",
+    fov=1.0996,
+    height_m=1.1,
+)
 
 pytestmark = needs_rclpy
 
@@ -34,10 +43,12 @@ def hand(domain: int, tmp_path: Path):
         "odometry": Topic("/mobile_base_controller/odom", "nav_msgs/msg/Odometry"),
         "battery": Topic("/power/battery_level", "std_msgs/msg/Float32"),
         "joint_states": Topic("/joint_states", "sensor_msgs/msg/JointState"),
+        "depth": DEPTH,
         "cancel_on_stop": ["/tts_engine/tts", "/play_motion2"],
     }
     nowhere: Any = SimpleNamespace(uri="")
-    config = tiago_config(nowhere, tmp_path, ros=Ros2(domain, "localhost"), topics=topics)
+    gate = {"depth": DepthView(DEPTH.height_m, DEPTH.own_m)}
+    config = tiago_config(nowhere, tmp_path, ros=Ros2(domain, "localhost"), topics=topics, gate=gate)
     file = tmp_path / "config"
     file.write_bytes(msgspec.json.encode(config))
     bridge = Side("tests.ros.bridge_process", domain, str(file), str(tmp_path / "records"))
@@ -51,6 +62,7 @@ def hand(domain: int, tmp_path: Path):
 def test_a_person_drives_it_until_the_gate_or_a_stop_holds_it(hand: Hand) -> None:
     hand.state_until(drivable, "a robot that can be driven")
     hand.take_control(1)
+    hand.state_until(lambda state: any(one.ok for one in state.sensors if one.kind == "depth"), "pictures")
     begin = hand.state_until(lambda state: state.odometry is not None, "odometry").odometry
     hand.drive_until(1.0, lambda state: state.odometry.x > begin.x + 0.3, "30 cm")
     hand.send(wire.LinkStop("ann", "enough"))

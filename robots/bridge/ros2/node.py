@@ -224,7 +224,7 @@ class RosBase:
             self._tf = TfTopics(participant, namespace, depth.base_frame)
             pictures = DepthReception(depth, view, self._tf.frames, reception, DepthMessages())
             self._on_demand = OnDemandTopics(
-                self._topic_worker, self._tf, DepthTopics(participant, depth, pictures)
+                self._topic_worker, self._tf, DepthTopics(participant, self._graph, depth, pictures)
             )
         elif config.topics.map or config.topics.navigation:
             self._tf = TfTopics(participant, namespace)

@@ -22,6 +22,21 @@ def sensor(depth: int) -> QoSProfile:
     )
 
 
+def pictures(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """Return the profile with which pictures are read: reliable if all publishers offer it.
+
+    A picture travels in hundreds of datagrams, of which best effort repeats none: five of six pictures were lost.
+    """
+    profiles = list(offered)
+    sure = bool(profiles) and all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE if sure else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
 def kept(offered: Iterable[QoSProfile]) -> QoSProfile:
     """Return the profile with which messages that stay are read, as far as all publishers offer it."""
     profiles = list(offered)

@@ -9,7 +9,9 @@ from typing import Any
 
 from robots.bridge.gate.sensing.depth import Cloud, DepthImage, Lens
 from robots.bridge.robot.sensors.depth import DepthReception, Unreadable
+from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.participant import Participant, Subscription
+from robots.bridge.ros2.qos import pictures as pictures_qos
 from robots.bridge.ros2.qos import sensor
 from robots.bridge.ros2.sensors import pictures
 from robots.shared.configuration.bridge_config import DepthSource
@@ -18,14 +20,18 @@ from robots.shared.configuration.bridge_config import DepthSource
 class DepthTopics:
     """The topics of one depth camera."""
 
-    def __init__(self, participant: Participant, source: DepthSource, reception: DepthReception) -> None:
-        self._participant, self._source, self._reception = participant, source, reception
+    def __init__(
+        self, participant: Participant, graph: Graph, source: DepthSource, reception: DepthReception
+    ) -> None:
+        self._participant, self._graph = participant, graph
+        self._source, self._reception = source, reception
         self._newest = _Newest(reception.receive)
 
     def listen(self) -> list[Subscription]:
         """Subscribe."""
         source, listen = self._source, self._participant.listen
-        subscriptions = [listen(source.topic, source.type, self._take, sensor(1))]
+        qos = pictures_qos(one.qos_profile for one in self._graph.publishers(source.topic))
+        subscriptions = [listen(source.topic, source.type, self._take, qos)]
         if source.info:
             subscriptions.append(listen(source.info, "sensor_msgs/msg/CameraInfo", self._learn, sensor(1)))
         return subscriptions
