@@ -15,16 +15,17 @@ import msgspec
 from django.conf import settings
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.base.formats.sentences import in_words, localised, words_of
 from robots.description.drawable import drawable
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config, socket_path
-from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig, Topics
 from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
-from robots.shared.configuration.robot_ros import ros1, side_command
+from robots.shared.configuration.robot_ros import Ros, Ros1, Ros2, side_command
+from robots.shared.messages.type_names import bare, in_ros2
 from robots.shared.processes.probe_findings import (
     BRIDGE,
     CallbackFound,
@@ -50,6 +51,7 @@ PROBE_TIMEOUT_S = 20.0
 NEEDED = ("odometry", "scan")  # required for motion
 STAMPED = ("sensor_msgs/BatteryState", "diagnostic_msgs/DiagnosticArray")
 QUIET = ("battery", "charging", "speech", "motions", "gripper", "torso")  # may be silent for a long time
+GOALS = "/_action/status"  # of an action of ROS 2: silent until the first goal
 MOST_LEFT_OUT = 3  # parts of a description that a result names
 _findings = msgspec.json.Decoder(Findings)
 
@@ -131,11 +133,19 @@ def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
 def plan_for(config: BridgeConfig) -> Plan:
     """Return the topics that the robot's profile and entry name."""
     topics = config.topics
-    return Plan(config.ros, topics.drive, list(_listened(config)), arm=topics.arm)
+    return Plan(config.ros, topics.drive, _listened(config), arm=topics.arm)
 
 
-def _listened(config: BridgeConfig) -> Iterator[Listened]:
-    topics = config.topics
+def _listened(config: BridgeConfig) -> list[Listened]:
+    """Return the topics to subscribe to."""
+    found = [*_sensors(config.topics)]
+    if isinstance(config.ros, Ros2):
+        found = [structs.replace(one, type=in_ros2(one.type)) for one in found]
+        return [*found, *_actions_2(config.topics)]
+    return [*found, *_actions(config.topics)]
+
+
+def _sensors(topics: Topics) -> Iterator[Listened]:
     yield Listened("odometry", topics.odometry.name, topics.odometry.type, stamped=True)
     for scan in topics.scans:
         yield Listened(f"scan {scan.topic}", scan.topic, "sensor_msgs/LaserScan", stamped=True)
@@ -150,9 +160,24 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         yield Listened(f"camera {camera.topic}", camera.topic, camera.type, stamped=True)
     for what in ("battery", "charging", "diagnostics"):
         if source := getattr(topics, what):
-            yield Listened(what, source.name, source.type, stamped=source.type in STAMPED)
+            yield Listened(what, source.name, source.type, stamped=bare(source.type) in STAMPED)
     if topics.map:
         yield Listened("map", topics.map.name, topics.map.type, stamped=False)
+
+
+def _actions_2(topics: Topics) -> Iterator[Listened]:
+    """Yield the topic of each action on which its server tells of goals."""
+    kind = "action_msgs/msg/GoalStatusArray"
+    for what, topic in (("speech", topics.speech), ("motions", topics.motions)):
+        if topic and topic.is_action:
+            yield Listened(what, topic.name + GOALS, kind, stamped=False)
+    for limb, source in topics.limbs.items():
+        yield Listened(limb, source.action + GOALS, kind, stamped=False)
+    if topics.navigation:
+        yield Listened("navigation", topics.navigation.action + GOALS, kind, stamped=False)
+
+
+def _actions(topics: Topics) -> Iterator[Listened]:
     for what in ("speech", "motions"):
         action = getattr(topics, what)
         if action and action.is_action:  # a plain topic for texts has no results
@@ -168,21 +193,17 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
 
 
 def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
-    """Yield the results, the most basic first. If the ROS master does not answer, yield only that."""
-    master_uri = ros1(config.ros).master_uri
+    """Yield the results, the most basic first. If the robot's ROS does not answer, yield only that."""
+    yield _answers(config.ros, findings)
     if findings.master_error is not None:
-        yield Check(
-            _("master"),
-            FAIL,
-            words_of(findings, "master_error"),
-            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % master_uri,
-        )
         return
-    yield Check(_("master"), OK, _("The ROS master at %s answers.") % master_uri)
-    yield _names_here(findings.hosts)
+    if isinstance(config.ros, Ros1):
+        yield _names_here(findings.hosts)
     if findings.callback is not None:
         yield _names_there(findings.callback)
     yield _clock(findings)
+    if isinstance(config.ros, Ros2):
+        yield from _twins(findings.topics[0])
     for listened, topic in zip(_listened(config), findings.topics, strict=True):
         yield _topic(listened, topic)
     if findings.description is not None:
@@ -191,6 +212,31 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
         yield _description(findings.description)
     if findings.drive is not None:
         yield from _drive(config, findings.drive)
+
+
+def _answers(ros: Ros, findings: Findings) -> Check:
+    """Return whether the robot's master, or its domain, answers."""
+    if isinstance(ros, Ros1):
+        name, text = _("master"), _("The ROS master at %s answers.") % ros.master_uri
+        advice = _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % ros.master_uri
+    else:
+        name, text = _("domain"), _("Nodes answer in domain %d.") % ros.domain_id
+        advice = _(
+            "Is the robot on, and in this network? Its ROS_DOMAIN_ID should be %d, and its nodes must not stay on its "
+            "own computer (ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY). Many wireless networks pass on no "
+            "multicast: write its addresses as static peers."
+        )
+        advice %= ros.domain_id
+    if findings.master_error is None:
+        return Check(name, OK, text)
+    return Check(name, FAIL, words_of(findings, "master_error"), advice)
+
+
+def _twins(odometry: TopicFound) -> Iterator[Check]:
+    """Yield a fault if the odometry has several publishers: DDS lets two robots with the same names live."""
+    if len(odometry.publishers) > 1:
+        text = _("%s publish odometry: two robots seem to be in this domain.") % _and(odometry.publishers)
+        yield Check(_("two robots"), FAIL, text, _("Give each robot a domain or a namespace of its own."))
 
 
 def _names_here(hosts: list[HostFound]) -> Check:
@@ -267,7 +313,8 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
         text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they do not match.")
         sums = {"theirs": found.md5, "ours": found.our_md5}
         return Check(name, bad, text % {**words, **sums}, _(_OTHER_VERSION))
-    if not found.messages and listened.what not in QUIET:
+    speaks = listened.what not in QUIET and not listened.topic.endswith(GOALS)
+    if not found.messages and speaks:
         text = _("%(topic)s (%(type)s) exists, but no message came.") % words
         return Check(name, bad, text, _(_SILENT))
     unseen = sorted(set(listened.frames) - set(found.frames))
@@ -299,7 +346,7 @@ _KINDS = (
     gettext_noop("diagnostics"),
 )
 _MISSING = gettext_noop(
-    "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"
+    "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list, ros2 topic list)?"
 )
 _UNREADABLE = gettext_noop("See the results for names above.")
 _UNKNOWN = gettext_noop("Choose one of the types in the profile’s help text.")
@@ -309,7 +356,7 @@ _CLOSE = gettext_noop(
     "or remove it from the profile."
 )
 _NOT_DRAWN = gettext_noop("The 3D view does not show these parts.")
-_SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
+_SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz, ros2 topic hz)?")
 
 
 def _description(found: DescriptionFound) -> Check:
@@ -357,6 +404,10 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
     if found.type not in (None, "*", drive.type):
         text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
         yield Check(name, FAIL, text, _("Correct the profile’s type."))
+    elif found.refused:
+        text = _("%(nodes)s gets nothing on %(topic)s: it asks for durability transient local.")
+        advice = _("Let it ask for durability volatile: an old velocity must not move the robot.")
+        yield Check(name, FAIL, text % {**words, "nodes": _and(found.refused)}, advice)
     elif not found.subscribers:
         yield Check(
             name,

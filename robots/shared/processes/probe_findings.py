@@ -78,11 +78,14 @@ class TopicFound(Worded, frozen=True):
 
 
 class DriveFound(Struct, frozen=True):
-    """The drive topic: publishers, subscribers, and its type at the master."""
+    """The drive topic: publishers, subscribers, and its type if it is another one."""
 
     publishers: list[str]
     subscribers: list[str]
     type: str | None
+    refused: list[
+        str
+    ] = []  # subscribers of ROS 2 that ask for more than is offered, so that they get nothing
 
 
 class DescriptionFound(Worded, frozen=True):
@@ -98,7 +101,7 @@ class DescriptionFound(Worded, frozen=True):
 
 
 class Findings(Worded, frozen=True):
-    """All answers. `master_error` None: the master answers; otherwise the rest is empty."""
+    """All answers. `master_error` None: the master, or the domain, answers; otherwise the rest is empty."""
 
     SENTENCES = ("master_error",)
 

@@ -12,7 +12,7 @@ import pytest
 
 from fleet.accounts.models import User
 from robots.check.robot_check import Check, judge, plan_for, run_checks
-from robots.registry.models import Robot
+from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import bridge_config
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.processes.probe_findings import (
@@ -117,6 +117,54 @@ def test_without_a_master_there_is_one_answer(config: BridgeConfig) -> None:
     (only,) = judge(config, Findings(master_error="No ROS master answers."))
     assert (only.level, only.text) == ("fail", "No ROS master answers.")
     assert config.ros.master_uri in only.advice
+
+
+@pytest.fixture
+def config_2(robot: Robot) -> BridgeConfig:
+    robot.profile = RobotProfile.objects.get(slug="tiago-ros2")
+    robot.domain_id = 7
+    return bridge_config(robot)
+
+
+@pytest.fixture
+def well_2(config_2: BridgeConfig) -> Findings:
+    """Return the findings of a robot with ROS 2 without faults."""
+    topics = [
+        TopicFound(asked.what, ["/base"], asked.type, "", "", 1, asked.frames, 0.01)
+        for asked in plan_for(config_2).listened
+    ]
+    return Findings(topics=topics, drive=DriveFound(["/fleet_bridge"], ["/twist_mux"], None))
+
+
+def test_a_robot_with_ros_2_has_a_domain_and_no_master(config_2: BridgeConfig, well_2: Findings) -> None:
+    checks = list(judge(config_2, well_2))
+    assert {check.level for check in checks} == {"ok"}
+    assert checks[0].text == "Nodes answer in domain 7."
+    assert not any("master" in check.text or "names" in check.name for check in checks)
+    (only,) = judge(config_2, Findings(master_error="No node answers in domain 7."))
+    assert (only.level, only.text) == ("fail", "No node answers in domain 7.")
+    assert "ROS_DOMAIN_ID should be 7" in only.advice and "static peers" in only.advice
+
+
+def test_two_robots_with_the_same_names_in_a_domain_are_found(config_2, well_2) -> None:
+    found = with_topic(well_2, "odometry", publishers=["/base", "/base"])
+    check = answer(config_2, found, "two robots")
+    assert (check.level, check.text) == (
+        "fail",
+        "/base and /base publish odometry: two robots seem to be in this domain.",
+    )
+
+
+def test_a_listener_that_asks_for_old_velocities_is_named(config_2, well_2) -> None:
+    drive = DriveFound([], [], None, refused=["/twist_mux"])
+    check = answer(config_2, msgspec.structs.replace(well_2, drive=drive), "drive")
+    assert (check.level, "durability volatile" in check.advice) == ("fail", True)
+    assert check.text.startswith("/twist_mux gets nothing on /key_vel")
+
+
+def test_a_type_without_its_package_is_named(config_2, well_2) -> None:
+    check = answer(config_2, with_topic(well_2, "odometry", our_md5=None), "odometry")
+    assert check.text == "The console does not know the type nav_msgs/msg/Odometry."
 
 
 def test_a_name_that_does_not_resolve_here_asks_for_an_alias(config: BridgeConfig, well: Findings) -> None:

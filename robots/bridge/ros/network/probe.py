@@ -23,7 +23,7 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 import msgspec
 from rosgraph.network import get_host_name
 
-from robots.bridge.arm.tree import Tree
+from robots.bridge.robot.described import described
 from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource
@@ -43,7 +43,6 @@ from robots.shared.processes.probe_findings import (
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
 from robots.shared.sentences import joined, reason_of, say
-from robots.shared.urdf.document import BadDescription
 
 CALLBACK_S = 2.0
 DESCRIPTION_S = 5.0  # a description has hundreds of kilobytes, and may come by radio
@@ -86,19 +85,9 @@ def _drive(plan: Plan, state: SystemState) -> DriveFound:
 def _description(arm: ArmSource | None, master_uri: str) -> DescriptionFound:
     try:
         description = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
-        if not isinstance(description, str):
-            return DescriptionFound(error=say("there is none"))
-        tree = Tree(description)
-    except (MasterError, BadDescription) as error:
+    except MasterError as error:
         return DescriptionFound(error=reason_of(error))
-    if arm is None:
-        return DescriptionFound(text=description)
-    return DescriptionFound(
-        links=[link for link in arm.links if link not in tree],
-        joints=[joint for joint in arm.home if not tree.moved_by([joint])],
-        unplaced=sorted(tree.unplaced.intersection(arm.links)),
-        text=description,
-    )
+    return described(arm, description)
 
 
 # --- names ---------------------------------------------------------------------------------------
