@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
@@ -10,6 +11,7 @@ from typing import TypeVar
 
 from robots.bridge.robot.interface import Node
 
+log = logging.getLogger(__name__)
 P = TypeVar("P")
 
 
@@ -58,3 +60,16 @@ class Parts:
                 return None
             self._found[kind] = found
         return self._found[kind]  # type: ignore[return-value]
+
+    def surveyed(self) -> None:
+        """Let all parts read missing data."""
+        for part in self.connected:
+            part.surveyed()
+
+    def cancel_all(self) -> None:
+        """Cancel the goals of all clients, as an emergency stop must."""
+        for cancel in [cancel for part in self.connected for cancel in part.cancels]:
+            try:
+                cancel()
+            except Exception:  # its topic is being closed: the others are cancelled all the same
+                log.exception("goals of one action were not cancelled")

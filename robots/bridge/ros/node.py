@@ -10,7 +10,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
@@ -142,16 +141,12 @@ class RosBase:
 
     def cancel_all(self) -> None:
         """Cancel the goals of all clients, as an emergency stop must: with an empty goal id."""
-        cancels: list[Callable[[], None]] = [
-            partial(publish, publisher, GoalID()) for publisher in self._cancels
-        ]
-        for part in self.parts.connected:
-            cancels += part.cancels
-        for cancel in cancels:
+        for publisher in self._cancels:
             try:
-                cancel()
+                publish(publisher, GoalID())
             except rospy.ROSException:  # its topic is being closed
                 log.exception("goals of one action were not cancelled")
+        self.parts.cancel_all()
 
     def located(self) -> tuple[float, Pose] | None:
         """Return the newest transform from map to odometry and its stamp, if a person drives."""
@@ -285,8 +280,7 @@ class RosBase:
         self._surveys.surveyed(system, self._inputs.drive, self._problems(system))
         self._follow_clock(system)
         self._descriptions.surveyed(system)
-        for part in self.parts.connected:
-            part.surveyed()
+        self.parts.surveyed()
 
     def _follow_clock(self, system: SystemState) -> None:
         """Report whether the robot's nodes follow a simulated clock."""

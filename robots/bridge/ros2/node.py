@@ -7,7 +7,7 @@ import logging
 import socket
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from action_msgs.srv import CancelGoal
 from rclpy.event_handler import PublisherEventCallbacks
@@ -16,7 +16,7 @@ from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
 from robots.bridge.robot.descriptions import Descriptions
 from robots.bridge.robot.inputs import Inputs
-from robots.bridge.robot.interface import RobotParameters
+from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.network.surveys import Surveys
 from robots.bridge.robot.parts import Parts, kinds_in
 from robots.bridge.robot.reception import Reception
@@ -133,12 +133,7 @@ class RosBase:
     def cancel_all(self) -> None:
         """Cancel the goals of all clients, as an emergency stop must."""
         cancel_goals(self._cancels)
-        for part in self.parts.connected:
-            for cancel in part.cancels:
-                try:
-                    cancel()
-                except Exception:  # the other actions' goals are cancelled all the same
-                    log.exception("goals of one action were not cancelled")
+        self.parts.cancel_all()
 
     def located(self) -> tuple[float, Pose] | None:
         """Return the newest transform from map to odometry and its stamp, if a person drives."""
@@ -269,8 +264,7 @@ class RosBase:
             self._text = self._description.text
             self._descriptions.restarted()
         self._descriptions.surveyed(system)
-        for part in self.parts.connected:
-            part.surveyed()
+        self.parts.surveyed()
 
     def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the robot."""
@@ -359,3 +353,7 @@ class RosBase:
         deadline_s = time.monotonic() + LISTENER_PATIENCE_S
         while not publisher.get_subscription_count() and time.monotonic() < deadline_s:
             time.sleep(FLUSH_S / 10)
+
+
+if TYPE_CHECKING:
+    SIDE: Callable[[BridgeConfig], RobotSide] = RosBase

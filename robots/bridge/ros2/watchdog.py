@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from action_msgs.srv import CancelGoal
 
@@ -16,6 +16,11 @@ from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.robot_ros import ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.geometry.poses import STILL
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from robots.bridge.robot.interface import StopSide
 
 log = logging.getLogger(__name__)
 
@@ -101,3 +106,7 @@ class WatchdogNode:
             left = self._drives[name]
             self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
             participant.node.destroy_publisher(left)
+
+
+if TYPE_CHECKING:
+    SIDE: Callable[[WatchdogConfig], StopSide] = WatchdogNode

@@ -16,7 +16,9 @@ from robots.registry.shipped_profiles import profile_files
 from robots.shared.configuration.watchdog_config import watchdog_config
 from tests.bridge.support import CONFIG, ORDERS, Bench, MemoryBase, ObedientBench
 
-SHIPPED = {file.slug: profile_topics(RobotProfile(**file.columns())) for file in profile_files()}
+SHIPPED = {
+    file.slug: profile_topics(RobotProfile(**file.columns())) for file in profile_files() if file.ros == 1
+}
 # Topics of the robot's parts to which a stop sends nothing.
 NOT_TOLD = {
     "/head_controller/command": "the controller ends each position by itself",
