@@ -10,6 +10,7 @@ import os
 import socket
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -18,7 +19,14 @@ from django.core.exceptions import ImproperlyConfigured
 from fleet.base.environment import Environment, lichtblick
 from script.stack.places import REPOSITORY
 from script.stack.processes import ChildDied, Ended, ended_by_signals, say, wait_for_any_end
-from script.stack.stack import Stack, StartError, temporary_stack
+from script.stack.stack import (
+    MIXED_ROBOTS,
+    PRACTICE_ROBOTS,
+    PracticeRobot,
+    Stack,
+    StartError,
+    temporary_stack,
+)
 
 FIRST_PORT = 8000
 PORTS_TRIED = 100
@@ -31,7 +39,10 @@ def main() -> int:
     asked = arguments()
     try:
         with ended_by_signals():
-            return smoke() if asked.smoke else demo(asked.port, lan=asked.lan, settings=settings(asked))
+            if asked.smoke:
+                return smoke(asked.mixed)
+            robots = MIXED_ROBOTS if asked.mixed else PRACTICE_ROBOTS
+            return demo(asked.port, robots, lan=asked.lan, settings=settings(asked))
     except Ended:
         say("Ended.")
         return 0
@@ -45,6 +56,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="script/demo", description="The console with three simulated TIAGos. Ctrl-C ends everything."
     )
+    parser.add_argument("--mixed", action="store_true", help="the third robot has ROS 2")
     parser.add_argument("--port", type=int, help=f"default: the first free one from {FIRST_PORT}")
     parser.add_argument("--lan", action="store_true", help="serve phones on this network too, over TLS")
     parser.add_argument("--smoke", action="store_true", help="start, drive a robot, stop it, say so and end")
@@ -62,18 +74,21 @@ def settings(asked: argparse.Namespace) -> dict[str, str]:
 # --- demo -----------------------------------------------------------------------------------------
 
 
-def demo(port: int | None, *, lan: bool, settings: dict[str, str]) -> int:
+def demo(port: int | None, robots: Sequence[PracticeRobot], *, lan: bool, settings: dict[str, str]) -> int:
     """Run the demo until a signal comes or a process dies."""
     began_s = time.monotonic()
     listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
-    directory = REPOSITORY / "var" / f"demo-{listener.getsockname()[1]}"
+    name = "demo" if robots is PRACTICE_ROBOTS else "demo-mixed"  # a robot keeps its ROS
+    directory = REPOSITORY / "var" / f"{name}-{listener.getsockname()[1]}"
     directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (directory / "lock").open("w") as lock:
         lock_or_fail(lock, directory)
         with (
-            lan_stack(directory, listener, settings)
+            lan_stack(directory, robots, listener, settings)
             if lan
-            else Stack(directory, listener=listener, students=STUDENTS, settings=DOOR | settings) as stack
+            else Stack(
+                directory, robots=robots, listener=listener, students=STUDENTS, settings=DOOR | settings
+            ) as stack
         ):
             introduce(stack, time.monotonic() - began_s)
             raise ChildDied(wait_for_any_end(stack.children))
@@ -98,7 +113,9 @@ def lock_or_fail(lock: TextIO, directory: Path) -> None:
         raise StartError(f"Another demo uses {directory}; try another --port.") from None
 
 
-def lan_stack(directory: Path, listener: socket.socket, settings: dict[str, str]) -> Stack:
+def lan_stack(
+    directory: Path, robots: Sequence[PracticeRobot], listener: socket.socket, settings: dict[str, str]
+) -> Stack:
     """Return a stack that phones on this network can open."""
     from script.stack.certificates import certificate_for, lan_addresses
 
@@ -108,6 +125,7 @@ def lan_stack(directory: Path, listener: socket.socket, settings: dict[str, str]
     hosts = [*addresses, socket.gethostname(), "localhost", "127.0.0.1"]
     return Stack(
         directory,
+        robots=robots,
         listener=listener,
         students=STUDENTS,
         certificate=certificate_for(hosts, directory / "tls"),
@@ -145,14 +163,15 @@ def qr_code(text: str) -> str:
 # --- smoke ----------------------------------------------------------------------------------------
 
 
-def smoke() -> int:
-    """Drive a robot and stop it once, on free ports and in a temporary directory."""
+def smoke(mixed: bool) -> int:
+    """Drive a robot, if mixed the one with ROS 2, and stop it once, on free ports and in a temporary directory."""
     from script.stack.smoke import drive_and_stop
 
     began_s = time.monotonic()
-    with temporary_stack() as stack:
+    robots = MIXED_ROBOTS if mixed else PRACTICE_ROBOTS
+    with temporary_stack(robots) as stack:
         ready_s = time.monotonic() - began_s
-        figures = asyncio.run(drive_and_stop(stack))
+        figures = asyncio.run(drive_and_stop(stack, robots[-1 if mixed else 0].slug))
     say(f"smoke: ready in {ready_s:.1f} s, {figures}, {time.monotonic() - began_s:.1f} s in all")
     return 0
 

@@ -8,6 +8,7 @@ signal).
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import logging
 import os
 import select
@@ -15,10 +16,11 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -27,6 +29,7 @@ from fleet.base.logs import for_journal
 from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
+DOMAINS = 100  # of ROS 2; ports of higher domains are those of outgoing connections
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # If the parent was killed just before this call, the signal never comes. So the shell checks that the parent is alive.
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
@@ -177,6 +180,21 @@ def ended_within(children: Sequence[Child], timeout_s: float | None) -> Child | 
     finally:
         for fd in by_fd:
             os.close(fd)
+
+
+class ReservedDomain:
+    """Reserve a domain of ROS 2 on this computer, among programs that reserve theirs so, until `close`."""
+
+    def __init__(self) -> None:
+        for at in range(os.getpid(), os.getpid() + DOMAINS):
+            self.number = 1 + at % DOMAINS
+            with contextlib.suppress(OSError), ExitStack() as opened:  # taken, or another user's file
+                lock = (Path(tempfile.gettempdir()) / f"ros-domain-{self.number}").open("w")
+                opened.callback(lock.close)
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                self.close = opened.pop_all().close
+                return
+        raise OSError("no domain of ROS 2 is free")
 
 
 class ReservedPort:

@@ -10,13 +10,12 @@ from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 
 DISTANCE_M = 1.0
-ROBOT = "tiago-1"
 
 
-async def drive_and_stop(stack: Stack) -> str:
+async def drive_and_stop(stack: Stack, robot: str) -> str:
     """Drive and stop a robot, and return one line of figures; raise `TimeoutError` if the robot does not obey."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
-    async with Driver(stack, ROBOT, cookie) as driver:
+    async with Driver(stack, robot, cookie) as driver:
         await driver.until(lambda: driver.odometry)
         fence = await driver.take()
         start = driver.odometry

@@ -20,7 +20,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -28,6 +28,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import unix_connect
 
 from robots.shared import wire
+from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
 from script.stack.database import with_tables
 from script.stack.places import (
     COLLECTED,
@@ -38,7 +39,7 @@ from script.stack.places import (
     private_file,
     static_sources,
 )
-from script.stack.processes import Child, ChildDied, ReservedPort, end_all
+from script.stack.processes import Child, ChildDied, ReservedDomain, ReservedPort, end_all
 
 ROLES = ("observer", "operator", "supervisor", "staff")
 READY_S = 120.0  # limit for a slow and busy computer; usually it takes 10 s
@@ -55,7 +56,8 @@ class PracticeRobot:
     """A simulated robot: its name in the registry and its pose (metres, degrees).
 
     Robot and console advertise `address` and `console_address` to each other. If the robot has its own network,
-    `inside` is a prefix that runs a command in it. `options` are further options of the robot's simulator.
+    `inside` is a prefix that runs a command in it. `options` are further options of the robot's simulator. A robot of
+    ROS 2 has a domain on this computer instead of a master and addresses.
     """
 
     slug: str
@@ -70,6 +72,7 @@ class PracticeRobot:
     camera: bool = True  # pages show the head camera; without it a page takes a third of the computing time
     is_on: bool = True  # False: the console knows the robot, which is off until `SimulatedRobot.switch_on()`
     options: tuple[str, ...] = ()
+    ros: int = 1
 
 
 @dataclass(frozen=True)
@@ -95,14 +98,16 @@ PRACTICE_ROBOTS = (
     PracticeRobot("tiago-2", "TIAGo Two", (3.8, 2.4, 0.0), rear_camera=True),
     PracticeRobot("tiago-3", "TIAGo Three", (7.4, 4.9, 180.0)),
 )
+MIXED_ROBOTS = (*PRACTICE_ROBOTS[:2], replace(PRACTICE_ROBOTS[2], ros=2))
 
 
 class SimulatedRobot:
-    """A rosmaster and a simulator of this stack."""
+    """A simulator of this stack, and with ROS 1 its rosmaster."""
 
     def __init__(self, plan: PracticeRobot, stack: Stack) -> None:
         self.plan = plan
         self.port = ReservedPort()
+        self.domain = ReservedDomain() if plan.ros == 2 else None
         self.link_path = ""  # the bridge's socket, from the registry
         self._stack = stack
         if plan.is_on:
@@ -115,22 +120,35 @@ class SimulatedRobot:
     @property
     def environment(self) -> dict[str, str]:
         """Return the environment of ROS programs of this robot."""
-        return {
-            **self._stack.environment,
-            "ROS_MASTER_URI": self.master_uri,
-            "ROS_IP": self.plan.address,
-            "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug),
-        }
+        inherited = {**self._stack.environment, "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug)}
+        if self.domain is not None:
+            return inherited | ros_environment([MESSAGES, WHEELS]) | domain_environment(self.domain.number)
+        return {**inherited, "ROS_MASTER_URI": self.master_uri, "ROS_IP": self.plan.address}
+
+    @property
+    def reached(self) -> dict[str, str | int]:
+        """Return the fields of the registry by which it is reached."""
+        if self.domain is not None:
+            return {"domain_id": self.domain.number}
+        return {"master_uri": self.master_uri, "advertised_address": self.plan.console_address}
+
+    def close(self) -> None:
+        """Give port and domain back."""
+        self.port.close()
+        if self.domain is not None:
+            self.domain.close()
 
     def switch_on(self) -> None:
         """Start the robot's processes."""
-        self.start_master()
+        if self.domain is None:
+            self.start_master()
         self.start_simulator()
 
     def switch_off(self) -> None:
         """End the robot's processes."""
         self._stack.release(self.simulator)
-        self._stack.release(self.master)
+        if self.domain is None:
+            self._stack.release(self.master)
 
     def start_master(self) -> Child:
         self.master = self._stack.start_child(
@@ -147,6 +165,7 @@ class SimulatedRobot:
             [
                 *self.plan.inside,
                 *(sys.executable, "-m", "robots.simulator", "--world", "office", "--name", self.plan.slug),
+                *("--ros", str(self.plan.ros)),
                 *(f"--pose={pose}", "--seed", str(self.plan.slug.encode()[-1])),
                 *(("--rear-camera",) if self.plan.rear_camera else ()),
                 *self.plan.options,
@@ -282,9 +301,11 @@ class Stack:
         return self.start_child(name, [sys.executable, "manage.py", *arguments], self.environment)
 
     def _start_robots(self) -> None:
+        if any(plan.ros == 2 for plan in self.plans) and not (MESSAGES / "ready").exists():
+            raise StartError("A robot of ROS 2 needs rclpy, which script/setup ros2 has not installed.")
         for plan in self.plans:
             robot = SimulatedRobot(plan, self)
-            self._closing.callback(robot.port.close)
+            self._closing.callback(robot.close)
             self.robots[plan.slug] = robot
 
     def _make_database(self) -> None:
@@ -322,8 +343,7 @@ class Stack:
             {
                 "slug": robot.plan.slug,
                 "name": robot.plan.name,
-                "master_uri": robot.master_uri,
-                "advertised_address": robot.plan.console_address,
+                **robot.reached,
                 "stick": robot.plan.stick,
                 "rear_camera": robot.plan.rear_camera,
                 "camera": robot.plan.camera,

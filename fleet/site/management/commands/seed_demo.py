@@ -34,7 +34,6 @@ from robots.registry.services import entry_save, robot_save
 from robots.shared.configuration.bridge_config import Allowed
 from robots.shared.geometry.poses import Pose
 from robots.shared.maps.occupancy import of_percents
-from robots.shared.messages.type_names import in_ros2
 from robots.simulator.physics.mujoco_world import Physics
 from robots.simulator.physics.mujoco_world import Pose as Start
 from robots.simulator.sensors.body import BODIES
@@ -43,14 +42,23 @@ from robots.simulator.worlds import load_world
 
 PROFILE, PROFILE_2 = "tiago", "tiago-ros2"  # the second with ROS 2
 WORLD = "office"  # the world in which script/stack starts the simulators
-ALLOWED = (
+ALLOWED_BOTH = (
     Allowed("choose", "/phone_vel", use="drive"),
+    Allowed("call", "/fleet/clients/add_two_ints", "rospy_tutorials/AddTwoInts"),
+    Allowed("call", "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction"),
+)
+ALLOWED = (
+    *ALLOWED_BOTH,
     Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
     Allowed("publish", "/fleet_demo/place", "geometry_msgs/PoseStamped"),
     Allowed("call", "/play_motion/list_motions", "play_motion_msgs/ListMotions"),
     Allowed("set", "/fleet_demo/greeting"),
-    Allowed("call", "/fleet/clients/add_two_ints", "rospy_tutorials/AddTwoInts"),
-    Allowed("call", "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction"),
+)
+ALLOWED_2 = (
+    *ALLOWED_BOTH,
+    Allowed("publish", "/fleet_demo/notes", "std_msgs/msg/String"),
+    Allowed("publish", "/fleet_demo/place", "geometry_msgs/msg/PoseStamped"),
+    Allowed("call", "/play_motion2/list_motions", "play_motion2_msgs/srv/ListMotions"),
 )
 
 
@@ -61,6 +69,7 @@ REAR_CAMERA = {
     "type": "sensor_msgs/Image",
     "info": "/rear_camera/camera_info",
 }
+REAR_CAMERA_2 = REAR_CAMERA | {"type": "sensor_msgs/msg/Image"}
 
 
 class PracticeRobot(Struct, frozen=True):
@@ -123,7 +132,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     profile = RobotProfile.objects.get(slug=PROFILE if planned.domain_id is None else PROFILE_2)
     cameras = [
         *(profile.topics["cameras"] if planned.camera else []),
-        *([REAR_CAMERA | {"type": _typed(planned, REAR_CAMERA["type"])}] if planned.rear_camera else []),
+        *([REAR_CAMERA if planned.domain_id is None else REAR_CAMERA_2] if planned.rear_camera else []),
     ]
     robot = Robot(
         slug=planned.slug,
@@ -136,14 +145,9 @@ def seed_robot(planned: PracticeRobot) -> Robot:
         overrides={} if cameras == profile.topics["cameras"] else {"topics": {"cameras": cameras}},
     )
     robot_save(robot=robot, actor=here())
-    for allowed in ALLOWED:
-        entry = structs.replace(allowed, type=_typed(planned, allowed.type))
-        entry_save(entry=Allowance(robot=robot, **structs.asdict(entry)), actor=here())
+    for allowed in ALLOWED if planned.domain_id is None else ALLOWED_2:
+        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=here())
     return robot
-
-
-def _typed(planned: PracticeRobot, type_name: str) -> str:
-    return type_name if planned.domain_id is None or not type_name else in_ros2(type_name)
 
 
 def _reached(planned: PracticeRobot) -> dict[str, Any]:
