@@ -155,7 +155,7 @@ class RosbridgeConsumer(ControllingSocket):
     async def _act_on_waiting(self) -> None:
         """Act on what waits, as fast as the client reads the answers."""
         extensions = self.scope.get("extensions", {})
-        while self._waiting:
+        while self._waiting and not self.has_left:  # before Python 3.12, `wait_for` may lose a cancellation
             if writable := extensions.get(WRITABLE):
                 await writable.wait()
             await self._act(self._waiting.popleft())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from contextlib import suppress
 
 import pytest
 from msgspec import structs
@@ -16,6 +17,7 @@ from teleop.background.database import in_database
 from teleop.models import ControlSession
 from teleop.rosbridge.actions import goals, reports
 from teleop.tap import feed
+from tests.teleop.rosbridge.support import Client
 from tests.teleop.support import IDLE, eventually
 from tests.teleop.tap.support import FakeTap
 
@@ -208,6 +210,22 @@ async def test_nothing_begins_for_a_client_that_left(last, open_client, bridge):
     await asyncio.gather(*jobs._running)
     assert not feed._feeds
     assert not await in_database(ControlSession.objects.exists)
+
+
+async def test_what_waits_for_the_link_ends_with_its_client(robot, make_token, bridge, monkeypatch):
+    left = asyncio.Event()
+
+    async def finds_it_as_the_client_leaves(_hub):
+        with suppress(asyncio.CancelledError):  # as `wait_for` before Python 3.12
+            await left.wait()
+
+    monkeypatch.setattr("teleop.live.robot_hub.RobotHub.wait_for_link", finds_it_as_the_client_leaves)
+    client = await Client(robot.slug, token=await make_token("operator")).open()
+    await client.send("subscribe", topic="/a")
+    await client.call("/fleet/stop")  # it does not wait
+    await client.close()
+    await asyncio.gather(*jobs._running)
+    assert not feed._feeds
 
 
 async def test_goals_end_with_the_link(driver, bridge):
