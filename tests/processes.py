@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -49,3 +51,14 @@ def outside() -> dict[str, str]:
     """The environment of a person's shell, without variables of the tests."""
     foreign = ("FLEET_", "DJANGO_", "ROS_")
     return {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
+
+
+def end(process: Any, timeout_s: float = 5.0) -> int:
+    """Terminate a process, kill it after `timeout_s`; return its exit code."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+    try:
+        return process.wait(timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()

@@ -30,8 +30,8 @@ from robots.shared.configuration.gate_profile import GateProfile, Limits
 from robots.shared.configuration.robot_ros import Ros1
 from robots.shared.configuration.watchdog_config import lane_path, watchdog_config
 from tests.forked import ForkedProgram
-from tests.processes import PATIENCE_S, until
-from tests.ros.support import Master, end
+from tests.processes import PATIENCE_S, end, until
+from tests.ros.support import Master
 
 SONARS = {
     "base_sonar_01_link": (-0.183, -0.183, -2.356),

@@ -9,8 +9,6 @@ from __future__ import annotations
 import logging
 import os
 import queue
-import signal
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,23 +21,12 @@ import rospy
 
 from robots.bridge.ros.tasks.publishing import immediate_publisher
 from tests.forked import ForkedProgram
-from tests.processes import PATIENCE_S, REPOSITORY, free_port, until
+from tests.processes import PATIENCE_S, REPOSITORY, end, free_port, until
 
 ROSMASTER = "/usr/bin/rosmaster"
 # rospy also logs while the interpreter exits: pytest's streams are then closed.
 logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # the last topic that a simulator advertises, for every base
-
-
-def end(process: subprocess.Popen[bytes] | ForkedProgram, timeout_s: float = 5.0) -> int:
-    """Terminate a process, kill it after `timeout_s`; return its exit code."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGTERM)
-    try:
-        return process.wait(timeout_s)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
 
 
 class Master:

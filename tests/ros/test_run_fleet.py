@@ -17,8 +17,8 @@ from django.db import connection
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
 from robots.registry.services import robot_save
-from tests.processes import PATIENCE_S, REPOSITORY, until
-from tests.ros.support import Master, end
+from tests.processes import PATIENCE_S, REPOSITORY, end, until
+from tests.ros.support import Master
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -6,8 +6,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 from rosidl_adapter.parser import (
@@ -17,8 +16,8 @@ from rosidl_adapter.parser import (
     parse_message_string,
 )
 
+from robots.shared.messages.definition import Definition
 from robots.shared.messages.fields import STAMPS
-from robots.shared.messages.packing import Layout
 from robots.shared.messages.serialization import CDR
 from robots.shared.sentences import reason_of, say
 from robots.shared.wire import Field
@@ -47,21 +46,6 @@ class UnknownTypeError(Exception):
     """No installed package has this type, or the console cannot read its definition; the reason is for people."""
 
 
-@dataclass(frozen=True)
-class Definition:
-    """One type. `hash`: its type hash, "" before Iron. `text` is followed by the embedded types' texts, as in a bag."""
-
-    type: str
-    hash: str
-    text: str
-    fields: list[Field] = field(repr=False)
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The byte layout of its messages."""
-        return Layout(self.fields, CDR)
-
-
 @lru_cache(MOST_CACHED)
 def definition(type_name: str) -> Definition:
     """Return the definition of a message, or of a part of a service or an action, by its name with or without its kind.
@@ -72,7 +56,9 @@ def definition(type_name: str) -> Definition:
     """
     own, fields = _read(type_name)
     embedded = (f"{BREAK}\nMSG: {name}\n{_read(name)[0]}" for name in sorted(_types_within(fields)))
-    return Definition(type_name, _hash(type_name), "".join((own, *embedded)), list(fields))
+    return Definition(
+        type_name, _hash(type_name), "".join((own, *embedded)), True, list(fields), serialization=CDR
+    )
 
 
 @lru_cache(MOST_CACHED)

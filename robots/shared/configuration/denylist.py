@@ -21,6 +21,7 @@ from robots.shared.wire import Field, Use
 
 # names that ROS does not change when it resolves them
 FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+PARAMETER = re.compile(rf"{FULL_NAME.pattern}(:[A-Za-z0-9_./-]+)?")  # in ROS 2 of a node: /node:parameter
 
 _VELOCITY = say("velocities move the base: they go through the gate only")
 
@@ -97,7 +98,7 @@ def why_denied(what: str, name: str, type: str, topics: Topics, use: str = "") -
 
     `what`: choose (route input of `use` there), publish, call, set. `type` is "" if unknown.
     """
-    if not FULL_NAME.fullmatch(name):
+    if not (PARAMETER if what == "set" else FULL_NAME).fullmatch(name):
         return say("it is not a full ROS name")
     if what == "choose":
         return _why_topic_denied(name, type, topics, use)

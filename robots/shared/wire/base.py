@@ -21,8 +21,13 @@ Fence = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Seq = Annotated[int, Meta(ge=0, le=2**53 - 1)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=1e12)]
 ShortText = Annotated[str, Meta(max_length=200)]
-TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")]
-TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
+_NAME = r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*"
+TopicName = Annotated[str, Meta(max_length=200, pattern=rf"{_NAME}\Z")]
+# In ROS 2 a parameter belongs to a node: /play_motion2:motions.wave.joints
+ParameterName = Annotated[str, Meta(max_length=200, pattern=rf"{_NAME}(:[A-Za-z0-9_./-]+)?\Z")]
+# In ROS 2 with the kind between: geometry_msgs/msg/Twist
+_TYPE = r"^[A-Za-z][A-Za-z0-9_]*/((msg|srv|action)/)?[A-Za-z][A-Za-z0-9_]*\Z"
+TypeName = Annotated[str, Meta(max_length=120, pattern=_TYPE)]
 Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
 # Each role includes the rights of those before it

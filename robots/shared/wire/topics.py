@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from robots.shared.wire.base import (
     Ack,
+    ParameterName,
     Ping,
     Refusal,
     Refused,
@@ -49,7 +50,7 @@ class ListParameters(Struct, frozen=True, tag_field="t", tag="parameters"):
 class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
     """One parameter, or a tree of them. Answer: `Parameter`. Long texts are cut unless `whole` is true."""
 
-    name: TopicName
+    name: ParameterName
     seq: Seq = 0
     whole: bool = False
 
@@ -57,7 +58,7 @@ class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
 class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
     """Set a parameter of the allow-list. For staff; recorded first. Answer: `Parameter`."""
 
-    name: TopicName
+    name: ParameterName
     value: Any
     seq: Seq = 0
 
@@ -119,7 +120,7 @@ class GetAllParameters(Struct, frozen=True, tag_field="t", tag="all_parameters")
 class DeleteParameter(Struct, frozen=True, tag_field="t", tag="delete_parameter"):
     """Delete a parameter of the allow-list. For staff; recorded first. Answer: `Parameter`, without a value."""
 
-    name: TopicName
+    name: ParameterName
     seq: Seq = 0
 
 

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import genpy.dynamic
@@ -28,21 +28,18 @@ from robots.bridge.topics.inspector.requests import MOST_QUESTIONS, Inspector
 from robots.bridge.topics.inspector.subscriptions import rate_hz
 from robots.bridge.topics.inspector_messages import (
     Check,
-    Done,
     HaltPublishing,
     InspectorQuery,
-    KeepAlive,
-    Ready,
 )
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed, BridgeConfig
-from robots.shared.configuration.robot_ros import side_command
 from robots.shared.ros.message_types.classes import message_class
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.inspector_process import InspectorProcess
+from tests.processes import PATIENCE_S, REPOSITORY, end, until
 from tests.ros.bridge_support import tiago_config
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
-from tests.ros.support import Master, end
+from tests.ros.support import Master
 
 
 def started(config: BridgeConfig, say: Callable[[bytes], None]) -> Inspector:
@@ -83,109 +80,12 @@ ALLOWED = (
 )
 
 _report = msgspec.json.Decoder(InspectorReport)
-_answer = msgspec.json.Decoder(wire.DoorAnswer)
-_shown = msgspec.json.Decoder(wire.Sample)
-
-
-class InspectorProcess:
-    """One inspector, with this object as its bridge. The object sends signs of life, unless `silent`."""
-
-    def __init__(self, config: Any, master: Master, silent: bool = False) -> None:
-        self.process = subprocess.Popen(
-            side_command(config.ros, "inspector"),
-            cwd=REPOSITORY,
-            env=master.environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
-        self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._shown: dict[str, queue.SimpleQueue[wire.Sample]] = {}
-        self._number = 0
-        self._write(msgspec.json.encode(config))
-        threading.Thread(target=self._read, daemon=True).start()
-        assert isinstance(self._said.get(timeout=PATIENCE_S), Ready)
-        self._writing = threading.Lock()
-        self._ended = threading.Event()
-        if not silent:
-            threading.Thread(target=self._live, daemon=True).start()
-
-    def ask(self, question: Any, until_s: float | None = None) -> Any:
-        """Send a query; return its answer. `until_s`: the time when the asker stops waiting."""
-        self._number += 1
-        self.send(InspectorQuery(self._number, question, until_s))
-        return _answer.decode(
-            self._reply(lambda r: isinstance(r, wire.LinkAnswer) and r.seq == self._number).answer
-        )
-
-    def done(self, request: Callable[[int], Any]) -> wire.Refusal | None:
-        """Send a numbered request; return its refusal, None if the inspector did it."""
-        self._number += 1
-        self.send(request(self._number))
-        refusal: wire.Refusal | None = self._reply(
-            lambda r: isinstance(r, Done) and r.number == self._number
-        ).refusal
-        return refusal
-
-    def subscribe(self, **topics: float) -> None:
-        """Subscribe to these topics (names without slash) at these rates, Hz."""
-        for name in topics:
-            self._shown.setdefault(f"/{name}", queue.SimpleQueue())
-        self.send(wire.LinkSubscribe({f"/{name}": rate for name, rate in topics.items()}))
-
-    def shown(self, topic: str, condition: Callable[[wire.Sample], Any] = lambda _: True) -> wire.Sample:
-        """Return the next sample of the topic for which `condition` is true."""
-        deadline, last = time.monotonic() + PATIENCE_S, None
-        while time.monotonic() < deadline:
-            last = self._shown[topic].get(timeout=PATIENCE_S)
-            if condition(last):
-                return last
-        raise AssertionError(f"no such message of {topic}; the last was {last}")
-
-    def send(self, request: Any) -> None:
-        with self._writing:
-            self._write(wire.encode(request))
-
-    def _live(self) -> None:
-        """Send signs of life."""
-        while not self._ended.wait(0.1):
-            with suppress(ValueError, OSError):  # the process has ended
-                self.send(KeepAlive())
-
-    def stop(self) -> int:
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self._ended.set()
-        with self._writing, suppress(BrokenPipeError):  # the process may have ended before
-            self.process.stdin.close()
-        try:
-            return self.process.wait(PATIENCE_S)
-        finally:
-            end(self.process)
-
-    def _write(self, line: bytes) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(line + b"\n")
-        self.process.stdin.flush()
-
-    def _reply(self, condition: Callable[[Any], bool]) -> Any:
-        while not condition(report := self._said.get(timeout=PATIENCE_S)):
-            pass
-        return report
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            report = _report.decode(line)
-            if isinstance(report, wire.LinkSample):
-                self._shown[report.topic].put(_shown.decode(report.sample))
-            else:
-                self._said.put(report)
-        self.process.stdout.close()
 
 
 @pytest.fixture(scope="module")
 def process(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
     config = tiago_config(rosmaster, tmp_path_factory.mktemp("inspector"), allowed=ALLOWED)
-    process = InspectorProcess(config, rosmaster)
+    process = InspectorProcess(config, rosmaster.environment())
     yield process
     assert process.stop() == 0
 
@@ -767,7 +667,7 @@ def test_a_velocity_within_a_text_that_omits_it_is_one(inspector):
 
 
 def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
-    inspector = InspectorProcess(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), rosmaster)
+    inspector = InspectorProcess(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), rosmaster.environment())
     note = order("/notes", "std_msgs/String", {"data": "on and on"}, 50.0)
     with ros.listen("/notes", String) as notes, talking("/look/end", Empty()):
         inspector.done(lambda number: Check(number, note))
@@ -781,7 +681,7 @@ def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
 
 def test_with_its_master_it_ends(make_master, tmp_path):
     master = make_master()
-    inspector = InspectorProcess(tiago_config(master, tmp_path), master)
+    inspector = InspectorProcess(tiago_config(master, tmp_path), master.environment())
     inspector.subscribe(rosout=5.0)
     until(lambda: subscribed(master), "a look")
     master.stop()
@@ -815,7 +715,7 @@ def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, ros
 
 def test_without_a_master_it_says_so_and_ends(tmp_path, rosmaster):
     dead = Master(tmp_path)
-    inspector = InspectorProcess(tiago_config(dead, tmp_path), dead)
+    inspector = InspectorProcess(tiago_config(dead, tmp_path), dead.environment())
     assert inspector.ask(wire.ListTopics()).refusal.code == "robot_offline"
     inspector.subscribe(anything=5.0)
     assert inspector.shown("/anything").refusal.code == "robot_offline"

@@ -29,9 +29,10 @@ from robots.bridge.topics.inspector_client import HALT_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
 from robots.shared import wire
 from robots.shared.ros.master import Master
+from tests.inspector_process import InspectorProcess
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import tiago_config
-from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, started, talking
+from tests.ros.inspector.test_inspector import ALLOWED, order, serving, started, talking
 from tests.ros.support import Inbox
 from tests.ros.test_bridge import serves_deaf
 
@@ -42,7 +43,7 @@ NOTES = "/notes"
 def inspector(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
     """An inspector that gets signs of life only from the test."""
     config = tiago_config(rosmaster, tmp_path_factory.mktemp("inspector"), allowed=ALLOWED)
-    inspector = InspectorProcess(config, rosmaster, silent=True)
+    inspector = InspectorProcess(config, rosmaster.environment(), silent=True)
     yield inspector
     assert inspector.stop() == 0
 

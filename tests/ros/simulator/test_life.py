@@ -11,9 +11,8 @@ from pathlib import Path
 
 import rosgraph
 
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.processes import PATIENCE_S, REPOSITORY, end, until
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
-from tests.ros.support import end
 
 HANGING_S = 3.0  # s, in which the simulator ends although the master hangs
 

@@ -16,6 +16,7 @@ from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.definition import Definition
 from robots.shared.ros.master import Master, MasterError
+from robots.shared.wire import Refusal
 
 # a subscriber that does not read for this time is disconnected, so that it delays no other
 SEND_PATIENCE_S = 0.3
@@ -61,6 +62,9 @@ class Source:
         return [
             Talker(one.callerid_pub, one.type, one.md5sum or "") for one in self._subscriber.impl.connections
         ]
+
+    def refusal(self) -> Refusal | None:
+        """Return None: each message has the definition of its publisher."""
 
     def close(self) -> None:
         """Unsubscribe."""

@@ -116,8 +116,7 @@ def exchange(service: Service, request: bytes, require_time: Callable[[], None],
     except TimeoutError:
         raise declined.silent(service.name, CALL_S) from None
     except OSError as error:
-        text = say("{service}: {error}", service=service.name, error=error)
-        raise Declined("service_lost", text, service=service.name) from error
+        raise declined.lost(service.name, error) from error
     if succeeded != b"\x01":
         reason = answer.decode(errors="replace")[:300]
         text = (

@@ -29,3 +29,11 @@ def silent(service: str, within_s: float) -> Declined:
 
 def no_parameter(name: str) -> Declined:
     return Declined("no_parameter", say("The robot has no parameter {name}.", name=name), name=name)
+
+
+def lost(service: str, error: object) -> Declined:
+    return Declined("service_lost", say("{service}: {error}", service=service, error=error), service=service)
+
+
+def unknown_type(type_name: str, text: str) -> Declined:
+    return Declined("type_unknown", text, type=type_name)

@@ -44,6 +44,7 @@ from robots.shared.configuration.denylist import (
 from robots.shared.messages.definition import Definition
 from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import reason_of, say
 from robots.shared.unreachable import Unreachable
 
@@ -246,8 +247,8 @@ class Inspector:
 
     def _require(self, what: str, name: str, type_name: str = "") -> None:
         """Refuse names that are not on the allow-list. Web process and bridge have checked the person."""
-        wanted = (what, name, type_name)
-        if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
+        wanted = (what, name, bare(type_name))
+        if not any((allowed.what, allowed.name, bare(allowed.type)) == wanted for allowed in self._allowed):
             text = {
                 "set": say("It is not allowed to set {name}: it is not on the allow-list.", name=name),
                 "call": say(

@@ -42,6 +42,10 @@ class Source(Protocol):
         """Return the publishers that are connected now."""
         ...
 
+    def refusal(self) -> wire.Refusal | None:
+        """Return why the topic cannot be read although somebody publishes on it."""
+        ...
+
     def close(self) -> None: ...
 
 

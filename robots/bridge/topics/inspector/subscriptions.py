@@ -87,7 +87,7 @@ class Subscription:
             None,
             len(talkers),
             {},
-            refusal=_silence(self.topic, number, len(talkers)) or _discord(talkers),
+            refusal=self._source.refusal() or _silence(self.topic, number, len(talkers)) or _discord(talkers),
             publisher_names=_names(talkers),
             since_s=round(max(now_s - arrivals[-1], 0.0), 3) if arrivals else None,
         )

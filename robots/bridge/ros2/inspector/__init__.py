@@ -1,0 +1,1 @@
+"""The inspector of a robot with ROS 2."""
