@@ -159,6 +159,7 @@ class Source:
 
     def _follow(self, wanted: Wanted) -> None:
         for name in self._topics.keys() - wanted.keys():
+            self.looked_s = time.monotonic()
             self._topics.pop(name).close()
             self._call(self.server.forget, name)
         for name in wanted.keys() - self._topics.keys():
