@@ -1,43 +1,30 @@
-"""``python -m robots.bridge.ros.sensors.map``: fetches the robot's map once. Reads JSON, writes MessagePack.
+"""``python -m robots.bridge.ros.sensors.map``: see `robots.bridge.maps.map_process`.
 
-A separate process, because a map has up to 16 MB and the control loop must not decode it; it ends within `END_S`. It
-subscribes by a TCPROS handshake instead of a rospy node, so nothing is registered with the robot's master.
+It subscribes by a TCPROS handshake instead of a rospy node, so nothing is registered with the robot's master.
 """
 
 from __future__ import annotations
 
 import errno
-import signal
 import struct
-import sys
 import time
-from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
-import msgspec
-from msgspec import Struct
-
-from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
+from robots.bridge.maps.map_fetch import MapWanted, NoMap
+from robots.bridge.maps.map_process import Without, agreed, run
 from robots.bridge.ros.network.tcpros import Conversation, connect_to_publisher
 from robots.shared.configuration.robot_ros import ros1
 from robots.shared.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
-from robots.shared.processes.shutdown import exit_within
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.sentences import joined, reason_of, say
+from robots.shared.sentences import reason_of, say
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once
 UNREACHED = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 AT_ONCE = 3  # publishers that are read at the same time: a map has up to 16 MB
-
-
-class _Without(Struct, frozen=True):
-    """A publisher from which navigation has no map either: it has ended, or has published none. `why` in words."""
-
-    why: str
 
 
 def read_map(wanted: MapWanted) -> TakenMap | NoMap:
@@ -50,36 +37,21 @@ def read_map(wanted: MapWanted) -> TakenMap | NoMap:
         return NoMap(reason_of(error))
     with ThreadPoolExecutor(AT_ONCE) as readers:
         answers = readers.map(partial(_map_of, wanted), addresses.values())
-        return _agreed(dict(zip(addresses, answers, strict=True)), name)
+        return agreed(dict(zip(addresses, answers, strict=True)), name)
 
 
-def _agreed(answers: Mapping[str, TakenMap | NoMap | _Without], topic: str) -> TakenMap | NoMap:
-    """Return the one map of these nodes. A node whose answer is unknown may publish another one."""
-    maps = {node: answer for node, answer in answers.items() if isinstance(answer, TakenMap)}
-    if len({taken_map.digest for taken_map in maps.values()}) > 1:
-        nodes = ", ".join(maps)
-        why = say("the nodes {nodes} publish different maps on {topic}", nodes=nodes, topic=topic)
-        return NoMap(why, is_certain=True)
-    unknown = {node: answer.why for node, answer in answers.items() if isinstance(answer, NoMap)}
-    if maps and not unknown:
-        return next(iter(maps.values()))
-    without = {node: answer.why for node, answer in answers.items() if isinstance(answer, _Without)}
-    whys = [say("{node}: {why}", node=node, why=why) for node, why in (unknown or without).items()]
-    return NoMap(joined("; ", whys) if whys else say("nobody publishes {topic}", topic=topic))
-
-
-def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Without:
+def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | Without:
     """Return the map of the publisher with this XML-RPC address; None: the master has no address of it."""
     if address is None:
-        return _Without(say("has no address at the master"))
+        return Without(say("has no address at the master"))
     try:
         with connect_to_publisher(wanted.topic.name, address, CALLER) as conversation:
             message = _message(conversation, wanted)
-            return message if isinstance(message, _Without) else taken(message)
+            return message if isinstance(message, Without) else taken(message)
     except (OSError, MasterError, ValueError, struct.error) as error:
         cause = error.__cause__ or error
         if isinstance(cause, ConnectionRefusedError):  # its computer says that the node has ended
-            return _Without(reason_of(error))
+            return Without(reason_of(error))
         if isinstance(cause, TimeoutError) or getattr(cause, "errno", None) in UNREACHED:
             # Navigation may reach this node: so it is not passed over, however long it is silent.
             why = say(
@@ -91,7 +63,7 @@ def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Witho
         return NoMap(reason_of(error))
 
 
-def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
+def _message(conversation: Conversation, wanted: MapWanted) -> bytes | Without:
     """Return the first message of a publisher. Raises ValueError for another definition of the type."""
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
@@ -106,19 +78,11 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
     except TimeoutError:
         if offered.get("latching") != "1":
             raise  # it may have published a map before
-        return _Without(say("has published no map yet"))
+        return Without(say("has published no map yet"))
     if length > LARGEST_MESSAGE:
         raise BadMap(say("a message of {length} bytes is too large", length=length))
     return conversation.read(length)
 
 
-def main() -> None:
-    """Answer one request from stdin on stdout."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the bridge handles it and ends this process
-    exit_within(END_S)
-    wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
-    sys.stdout.buffer.write(msgspec.msgpack.encode(read_map(wanted)))
-
-
 if __name__ == "__main__":
-    main()
+    run(read_map)
