@@ -133,5 +133,6 @@ def _how_to_back_up() -> str:
     line = " ".join(["pg_dump --format=custom", f"--file=before-{version()}.dump", *told, of["NAME"]])
     return (
         f"Release {version()} changes the database; it waits until you have a backup. Stop every process of the "
-        f"console, run\n\n    {line}\n\nand start this release once with: script/serve --migrate (docs/upgrade.md)."
+        f"console, run\n\n    {line}\n\nand then: sudo script/manage upgrade --migrate\n"
+        "(without a service start this release once with: script/serve --migrate; docs/upgrade.md)."
     )
