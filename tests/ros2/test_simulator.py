@@ -143,6 +143,11 @@ def test_it_goes_to_a_pose_and_stops_when_all_goals_are_cancelled(visitor: Visit
     visitor.hear("/ground_truth/pose", lambda message: message["twist"]["twist"]["linear"]["x"] < 0.001)
     visitor.ask(**go, fields={"pose": {"header": {"frame_id": "base_link"}, "pose": target}})
     assert visitor.hear("ended")[0] == ABORTED
+    fields = {"header": {"frame_id": "map"}, "pose": target}
+    visitor.ask(publish="/goal_pose", kind="geometry_msgs/PoseStamped", fields=fields)
+    visitor.hear("/cmd_vel", lambda twist: twist["linear"]["x"] > 0.1)
+    visitor.ask(cancel="/navigate_to_pose")
+    assert visitor.hear("cancelled", lambda count: count == 1)
 
 
 def test_its_cameras_publish(visitor: Visitor) -> None:

@@ -1,4 +1,4 @@
-"""The /navigate_to_pose action."""
+"""The /navigate_to_pose action, and /goal_pose, by which RViz sends goals to it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ class NavigateToPoseServer(NavigationServer):
     """Nav2's bt_navigator."""
 
     def __init__(self, ros: RclpySide, robot: Robot) -> None:
-        goals = ros.goals("/navigate_to_pose", "nav2_msgs/NavigateToPose", ros.add_node("bt_navigator"))
-        super().__init__(ros, robot, goals, "/cmd_vel", "/plan")
+        node, action, kind = ros.add_node("bt_navigator"), "/navigate_to_pose", "nav2_msgs/NavigateToPose"
+        super().__init__(ros, robot, ros.goals(action, kind, node), "/cmd_vel", "/plan")
+        send = ros.sender(node, action, kind)
+        ros.subscribe("/goal_pose", "geometry_msgs/PoseStamped", lambda pose: send(pose=pose), queue=1)
 
     def _target(self, request: Any) -> Any:
         return request.pose

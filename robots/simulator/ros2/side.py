@@ -9,6 +9,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -81,6 +82,12 @@ class RclpySide:
         return ActionGoals(
             node or self.node, self._executor, self._resolved(action), interface(kind, "action")
         )
+
+    def sender(self, node: Node, action: str, kind: str) -> Callable[..., Any]:
+        """Return what sends a goal with these fields to an action, as a client of a node."""
+        goal = interface(kind, "action").Goal
+        client = ActionClient(node, interface(kind, "action"), self._resolved(action))
+        return lambda **fields: client.send_goal_async(goal(**fields))
 
     def now(self) -> Stamp:
         return time.time_ns()
