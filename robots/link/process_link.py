@@ -92,6 +92,8 @@ class ProcessLink(ABC):
                     await self._run(socket)
             except (TimeoutError, OSError, InvalidHandshake, ConnectionClosed, ValueError) as error:
                 log.info("the %s process of %s: %s", self._name, self._link.robot_id, error)
+            except Exception:  # a fault of who listens must not leave the others without messages
+                log.exception("the %s process of %s", self._name, self._link.robot_id)
             self.gone(self._refusal)
             await asyncio.sleep(pause_s)
             pause_s = min(2.0 * pause_s, longest_s)

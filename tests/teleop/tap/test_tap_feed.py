@@ -84,6 +84,24 @@ async def test_readers_get_messages_again_after_a_fault_of_the_tap(open_reader, 
     assert await reader.hears() == {"data": 2}
 
 
+async def test_readers_get_messages_again_after_a_fault_of_one_of_them(open_reader, tap, monkeypatch):
+    reader, other = await open_reader(), await open_reader()
+    with monkeypatch.context() as faulty:
+        failed = asyncio.Event()
+
+        def fails(_state):
+            failed.set()
+            raise ZeroDivisionError
+
+        faulty.setattr(reader.tap, "state", fails)
+        tap.describe("/a")
+        await asyncio.wait_for(failed.wait(), 5.0)
+    while other.heard.empty():
+        tap.publish("/a", {"data": 2})
+        await asyncio.sleep(0.05)
+    assert await other.hears() == {"data": 2}
+
+
 async def test_the_largest_message_arrives(open_reader, tap):
     reader = await open_reader()
     large = "x" * (wire.LARGEST_BODY - 2)
