@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import DepthSource, Topic
+from robots.shared.configuration.bridge_config import DepthSource, LimbSource, Topic
 from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros2
 from tests.processes import until
@@ -44,6 +44,16 @@ def hand(domain: int, tmp_path: Path):
         "battery": Topic("/power/battery_level", "std_msgs/msg/Float32"),
         "joint_states": Topic("/joint_states", "sensor_msgs/msg/JointState"),
         "depth": DEPTH,
+        "speech": Topic("/tts_engine/tts", "tts_msgs/action/TTS"),
+        "languages": ["en-GB"],
+        "motions": Topic("/play_motion2", "play_motion2_msgs/action/PlayMotion2"),
+        "torso": LimbSource(
+            "/torso_controller/follow_joint_trajectory",
+            ["torso_lift_joint"],
+            (0.0, 0.35),
+            0.07,
+            "control_msgs/action/FollowJointTrajectory",
+        ),
         "cancel_on_stop": ["/tts_engine/tts", "/play_motion2"],
     }
     nowhere: Any = SimpleNamespace(uri="")
@@ -70,3 +80,21 @@ def test_a_person_drives_it_until_the_gate_or_a_stop_holds_it(hand: Hand) -> Non
         lambda state: state.stop.state != "clear" and state.odometry.vx == 0.0, "a stop"
     )
     assert stopped.odometry.x < begin.x + 1.0
+
+
+def test_it_speaks_waves_and_lifts_its_torso_until_a_stop(hand: Hand) -> None:
+    hand.until(
+        lambda report: isinstance(report, wire.Offers) and any(one.name == "wave" for one in report.motions),
+        "the robot's motions",
+    )
+    hand.state_until(drivable, "a robot that can be driven")
+    hand.take_control(1)
+    assert hand.ask(wire.Say(1, "hello lab", "en-GB", seq=1)) is None
+    hand.state_until(lambda state: state.speech and state.speech.word == (6, 9), "the last word")
+    hand.state_until(lambda state: state.speech_ended and state.speech_ended.outcome == "done", "the end")
+    assert hand.ask(wire.MoveLimb(1, "torso", 0.05, 2)) is None
+    hand.state_until(lambda state: (ended := state.limbs["torso"].ended) and ended.outcome == "done", "up")
+    assert hand.ask(wire.Play(1, "wave", 3)) is None
+    hand.state_until(lambda state: state.motion and state.motion.name == "wave", "a motion")
+    hand.send(wire.LinkStop("ann", "enough"))
+    hand.state_until(lambda state: state.motion_ended and state.motion is None, "the end of the motion")

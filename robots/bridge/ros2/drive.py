@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -37,12 +38,14 @@ def twist_of(velocity: Velocity, kind: type[Any]) -> Twist | TwistStamped:
     return stamped
 
 
-def cancel_goals(clients: Iterable[Any]) -> None:
-    """Cancel all goals of these actions, from any sender: zero id and zero stamp mean all."""
+def cancel_goals(clients: Iterable[Any], goal: bytes = bytes(16)) -> None:
+    """Cancel one goal of these actions; without an id all goals, from any sender (zero id and zero stamp)."""
+    request = CancelGoal.Request()
+    request.goal_info.goal_id.uuid = np.frombuffer(goal, np.uint8)
     for client in clients:
         try:
             if client.service_is_ready():
                 # Nobody reads the answer: a server that never answers must not leave one waiting for each stop.
-                client.remove_pending_request(client.call_async(CancelGoal.Request()))
+                client.remove_pending_request(client.call_async(request))
         except Exception:  # the other actions' goals are cancelled all the same
             log.exception("goals of one action were not cancelled")

@@ -23,6 +23,7 @@ from robots.bridge.robot.reception import Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics
+from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
@@ -83,8 +84,8 @@ class RosBase:
         self._inputs = Inputs(config.topics.drive.name, self._reception, self._topic_worker, self._connect)
         self.parts = Parts(PARTS, self._inputs)
         self.parameters: RobotParameters
-        self._participant: Participant
-        self._graph: Graph
+        self.participant: Participant
+        self.graph: Graph
         self._presence: Presence
         self._sensors: SensorTopics
         self._description: DescriptionTopic
@@ -191,7 +192,7 @@ class RosBase:
             return
         self.publish(STILL)
         time.sleep(FLUSH_S)  # the zero leaves before the participant does
-        self._participant.close(LEAVE_S)
+        self.participant.close(LEAVE_S)
 
     # --- called by the domain monitor (domain_monitor.Node) ------------------------------------------
 
@@ -199,14 +200,14 @@ class RosBase:
         """Join the robot's domain and read its sensors."""
         config, namespace, reception = self.config, self._ros.namespace, self._reception
         name = BRIDGE.strip("/") + namespace.replace("/", "_")
-        self._participant = participant = Participant(
+        self.participant = participant = Participant(
             name, self._ros.domain_id, lambda: self.lost(name_taken=False)
         )
-        self._graph = Graph(participant.node)
+        self.graph = Graph(participant.node)
         self.parameters = NodeParameters(participant)
         place = f"{socket.gethostname()}:{config.state_dir}:{config.robot_id}"
         self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", place, socket.gethostname())
-        self._description = DescriptionTopic(participant, self._graph, f"{namespace}/robot_description")
+        self._description = DescriptionTopic(participant, self.graph, f"{namespace}/robot_description")
         self._descriptions = Descriptions(
             config.topics, self._description.read, self.posture, reception, f"{namespace}/tf"
         )
@@ -219,7 +220,7 @@ class RosBase:
             self._tf = TfTopics(participant, namespace, depth.base_frame)
             pictures = DepthReception(depth, view, self._tf.frames, reception, DepthMessages())
             self._on_demand = OnDemandTopics(
-                self._topic_worker, self._tf, DepthTopics(participant, self._graph, depth, pictures)
+                self._topic_worker, self._tf, DepthTopics(participant, self.graph, depth, pictures)
             )
         elif config.topics.map or config.topics.navigation:
             self._tf = TfTopics(participant, namespace)
@@ -228,7 +229,7 @@ class RosBase:
 
     def other_bridge(self) -> str | None:
         """Say that this bridge is there; return the host of another one that has the robot."""
-        found = self.holds or is_there(self._graph, self.config.topics, self._inputs.drive)
+        found = self.holds or is_there(self.graph, self.config.topics, self._inputs.drive)
         return self._presence.step(time.monotonic(), found)
 
     @property
@@ -240,7 +241,7 @@ class RosBase:
         """Connect to the drive topic: the robot is this bridge's."""
         topics = self.config.topics
         self._cancels = [
-            self._participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+            self.participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
             for action in topics.cancelled
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
@@ -249,15 +250,15 @@ class RosBase:
     def survey(self) -> None:
         """Report the robot's state. Read missing data, since the robot may start after its bridge."""
         drive = self._inputs.drive
-        if not is_there(self._graph, self.config.topics, drive):
+        if not is_there(self.graph, self.config.topics, drive):
             text = say("Nothing of this robot answers in domain {domain}.", domain=self._ros.domain_id)
             self.report(RosStatus("waiting", text))
             return
         if not self.holds:
             return
-        self._own_listeners = own_listeners(self._graph, drive)
+        self._own_listeners = own_listeners(self.graph, drive)
         system = self._system()
-        self._surveys.surveyed(system, drive, problems(self._graph, drive))
+        self._surveys.surveyed(system, drive, problems(self.graph, drive))
         self._reception.follow_clock("/clock" in system.types)
         self._look_for_restart()
         if self._description.text != self._text:
@@ -304,12 +305,12 @@ class RosBase:
         seen = [topic for topic in (topics.odometry, topics.joint_states, topics.map) if topic]
         names = [topic.name for topic in (*map(goal_topic, inputs), *seen)]
         names += [scan.topic for scan in topics.scans]
-        return self._graph.system([*names, self._inputs.drive, f"{namespace}/tf"])
+        return self.graph.system([*names, self._inputs.drive, f"{namespace}/tf"])
 
     def _run_of_map_server(self, node: str) -> object:
         """Return what differs after a restart of a node that publishes the map."""
         topic = self.config.topics.map
-        publishers = self._graph.publishers(topic.name) if topic else []
+        publishers = self.graph.publishers(topic.name) if topic else []
         return frozenset(bytes(one.endpoint_gid) for one in publishers if node_name(one) == node)
 
     def _node_of(self, info: Any) -> str:
@@ -320,7 +321,7 @@ class RosBase:
         key = bytes(gid["data"])
         if key not in names:
             names.update(
-                (bytes(one.endpoint_gid), node_name(one)) for one in self._graph.publishers(topic.name)
+                (bytes(one.endpoint_gid), node_name(one)) for one in self.graph.publishers(topic.name)
             )
             while len(names) > MOST_NODES:
                 del names[next(iter(names))]
@@ -329,7 +330,7 @@ class RosBase:
     # --- the drive topic --------------------------------------------------------------------------------
 
     def _drive_publisher(self, name: str) -> Any:
-        return self._participant.node.create_publisher(
+        return self.participant.node.create_publisher(
             twist_class(self.config.topics.drive),
             name,
             DRIVE,
@@ -337,8 +338,12 @@ class RosBase:
         )
 
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
-        if use != "drive":
-            return
+        if use == "drive":
+            self._connect_drives(topics)
+        elif use == "speech" and (voices := self.part(Voices)):
+            voices.attend(topics)
+
+    def _connect_drives(self, topics: frozenset[str]) -> None:
         for name in topics - self._drives.keys():
             publisher = self._drive_publisher(name)
             self._drives = {**self._drives, name: publisher}
@@ -346,7 +351,7 @@ class RosBase:
         for name in self._drives.keys() - topics:
             left = self._drives[name]
             self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
-            self._participant.node.destroy_publisher(left)
+            self.participant.node.destroy_publisher(left)
 
     def _await_listener(self, publisher: Any) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""

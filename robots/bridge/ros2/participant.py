@@ -59,12 +59,12 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
-    def listen(self, topic: str, type_name: str, take: Take, qos: QoSProfile) -> Subscription:
+    def listen(self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile) -> Subscription:
         """Give `take` the bytes of each message, with what is known about it.
 
         Larger messages than the console reads are dropped: DDS cuts nobody off, but decoding is what costs.
         """
-        most = most_bytes(type_name)
+        most = most_bytes(kind if isinstance(kind, str) else "")
 
         def receive(raw: bytes, info: Any) -> None:
             if len(raw) <= most:
@@ -80,9 +80,8 @@ class Participant:
                 ),
             )
 
-        subscription = self.node.create_subscription(
-            message_class(type_name), topic, _guarded(receive), qos, raw=True
-        )
+        found = message_class(kind) if isinstance(kind, str) else kind
+        subscription = self.node.create_subscription(found, topic, guarded(receive), qos, raw=True)
         return Subscription(self.node, subscription)
 
     def ask(self, kind: Any, service: str, request: Any, patience_s: float) -> Any:
@@ -131,7 +130,7 @@ class Subscription:
         self._node.destroy_subscription(self._subscription)
 
 
-def _guarded(callback: Callable[..., None]) -> Callable[..., None]:
+def guarded(callback: Callable[..., None]) -> Callable[..., None]:
     """Return a callback that no message can make fail: an exception would end the executor."""
 
     @wraps(callback)  # rclpy asks for its parameters: with two, it gets what is known about the message too

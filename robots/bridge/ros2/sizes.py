@@ -12,6 +12,7 @@ MOST_BYTES = {
     "LaserScan": BRIEF + 2 * 4 * MOST_BEAMS,  # ranges and intensities
     "Image": 16 * MB,
     "PointCloud2": 32 * MB,
+    "Path": 1 * MB,  # 5,000 poses are 0.4 MB
     "CameraInfo": 16 * KB,
     "DiagnosticArray": 256 * KB,
     "TFMessage": 256 * KB,

@@ -1,0 +1,177 @@
+"""One action of the robot, by its three services and two topics. Goals have our own ids, so that we can cancel these.
+
+rclpy's own client loses an answer that comes while a goal is still being sent on another thread.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, Protocol, cast
+
+import numpy as np
+from action_msgs.srv import CancelGoal
+from rclpy.serialization import deserialize_message
+
+from robots.bridge.robot.interface import Node
+from robots.bridge.ros2.drive import cancel_goals
+from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.participant import Participant, guarded
+from robots.bridge.ros2.qos import EVENTS, STATIC
+from robots.bridge.ros2.sensors.cdr import Cdr
+from robots.bridge.tasks.goals import OURS
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.texts import MOST_GOALS, most_of
+
+ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5  # action_msgs/msg/GoalStatus
+OUTCOMES = {SUCCEEDED: "succeeded", CANCELED: "cancelled"}  # others: "failed"
+MARK = b"fleet\0"  # begins the ids of all bridges' goals: a bridge knows those of the one before it
+ID_BYTES = 16
+REPEAT_S = 0.5  # servers tell a status once, when it changes; who waits for a goal counts on word of it
+
+
+class Joined(Node, Protocol):
+    """The node, as parts of this side use it."""
+
+    participant: Participant
+    graph: Graph
+
+
+def joined(node: Node) -> Joined:
+    """Return the node with what only this side has."""
+    return cast("Joined", node)
+
+
+class GoalListener(ABC):
+    """Receiver of an action's reports, on the executor's thread."""
+
+    @abstractmethod
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """Take the running goals of all senders, and their status."""
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:  # noqa: B027  (not every action's is of use)
+        """Take feedback of one of our goals."""
+
+    @abstractmethod
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """Take the end of one of our goals: one of `OUTCOMES`, "rejected" or "failed"."""
+
+
+class ActionEnds:
+    """Our end of one action. `on_joined` is called whenever a server appears."""
+
+    def __init__(
+        self,
+        participant: Participant,
+        action: Topic,
+        listener: GoalListener,
+        on_joined: Callable[[], None] = lambda: None,
+    ) -> None:
+        kind = message_class(action.type)
+        self.name, self.goal_class = action.name, kind.Goal
+        self._listener, self._on_joined = listener, on_joined
+        self._node = node = participant.node
+        self._feedback_class = kind.Impl.FeedbackMessage
+        self._goals = node.create_client(kind.Impl.SendGoalService, f"{action.name}/_action/send_goal")
+        self._results = node.create_client(kind.Impl.GetResultService, f"{action.name}/_action/get_result")
+        self._cancels = node.create_client(CancelGoal, f"{action.name}/_action/cancel_goal")
+        self._sent: OrderedDict[bytes, str] = OrderedDict()  # our ids of goals, by those on the wire
+        self._running: dict[str, int] = {}
+        self._was_there = False
+        listen = participant.listen
+        self._subscriptions = [
+            listen(
+                f"{action.name}/_action/status", "action_msgs/msg/GoalStatusArray", self._on_status, STATIC
+            ),
+            listen(f"{action.name}/_action/feedback", self._feedback_class, self._on_feedback, EVENTS),
+        ]
+        self._timer = node.create_timer(REPEAT_S, guarded(self._repeat))
+
+    def send(self, goal_id: str, goal: Any) -> None:
+        """Send a goal with this id of ours."""
+        wired = MARK + os.urandom(ID_BYTES - len(MARK))
+        self._sent[wired] = goal_id
+        while len(self._sent) > MOST_GOALS:
+            self._sent.popitem(last=False)
+        request = self._goals.srv_type.Request(goal=goal)
+        request.goal_id.uuid = np.frombuffer(wired, np.uint8)
+        self._goals.call_async(request).add_done_callback(guarded(partial(self._answered, goal_id, wired)))
+
+    @property
+    def heard(self) -> bool:
+        """Return whether a node of the robot takes goals."""
+        return bool(self._goals.service_is_ready())
+
+    def cancel(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        wired = next((key for key, value in list(self._sent.items()) if value == goal_id), None)
+        if wired is None and goal_id.startswith(OURS):  # of the bridge before this one: `_named`
+            wired = bytes.fromhex(goal_id.rpartition("-")[2])
+        if wired is not None:
+            cancel_goals([self._cancels], wired)
+
+    def cancel_all(self) -> None:
+        """Cancel the goals of all clients, as an emergency stop must."""
+        cancel_goals([self._cancels])
+
+    def close(self) -> None:
+        """Leave the action."""
+        for subscription in self._subscriptions:
+            subscription.unregister()
+        self._node.destroy_timer(self._timer)
+        for client in (self._goals, self._results, self._cancels):
+            self._node.destroy_client(client)
+
+    # --- on the executor's thread ----------------------------------------------------------------------
+
+    def _answered(self, goal_id: str, wired: bytes, answer: Any) -> None:
+        """Wait for the result of an accepted goal."""
+        if not answer.result().accepted:
+            self._listener.ended(goal_id, "rejected", "", None)
+            return
+        request = self._results.srv_type.Request()
+        request.goal_id.uuid = np.frombuffer(wired, np.uint8)
+        self._results.call_async(request).add_done_callback(guarded(partial(self._ended, goal_id)))
+
+    def _ended(self, goal_id: str, answer: Any) -> None:
+        found = answer.result()
+        self._running.pop(goal_id, None)
+        self._listener.ended(goal_id, OUTCOMES.get(found.status, "failed"), "", found.result)
+
+    def _on_status(self, raw: bytes, _info: Any) -> None:
+        goals = {self._named(wired): status for wired, status in statuses(raw) if status <= CANCELING}
+        self._running = most_of(goals, OURS)
+        self._listener.running(self.name, self._running)
+
+    def _on_feedback(self, raw: bytes, _info: Any) -> None:
+        message = deserialize_message(raw, self._feedback_class)
+        goal_id = self._sent.get(bytes(message.goal_id.uuid))
+        if goal_id is not None:
+            self._listener.feedback(goal_id, message.feedback)
+
+    def _repeat(self) -> None:
+        is_there = self.heard
+        if is_there and not self._was_there:
+            self._on_joined()
+        self._was_there = is_there
+        if not is_there:
+            self._running = {}
+        self._listener.running(self.name, self._running)
+
+    def _named(self, wired: bytes) -> str:
+        """Return the name of a goal: those of earlier bridges count as ours."""
+        ours = f"{OURS}earlier-" if wired.startswith(MARK) else ""
+        return self._sent.get(wired) or f"{ours}{wired.hex()}"
+
+
+def statuses(raw: bytes) -> Iterator[tuple[bytes, int]]:
+    """Yield id and status of the goals of an action_msgs/msg/GoalStatusArray."""
+    message = Cdr(raw)
+    for _ in range(message.number()):
+        wired = bytes(message.data(ID_BYTES))
+        message.values("iI", 4)
+        yield wired, message.number("b", 1)
