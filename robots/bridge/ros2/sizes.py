@@ -10,7 +10,9 @@ BRIEF = 4 * KB  # header, names and a few numbers
 
 MOST_BYTES = {
     "LaserScan": BRIEF + 2 * 4 * MOST_BEAMS,  # ranges and intensities
+    "CompressedImage": 16 * MB,
     "Image": 16 * MB,
+    "OccupancyGrid": 16 * MB + BRIEF,  # robots.shared.maps.occupancy.MOST_CELLS
     "PointCloud2": 32 * MB,
     "Path": 1 * MB,  # 5,000 poses are 0.4 MB
     "CameraInfo": 16 * KB,

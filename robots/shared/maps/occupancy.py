@@ -1,4 +1,4 @@
-"""Convert a serialized nav_msgs/OccupancyGrid to a small picture. Pure: numpy and the standard library.
+"""Convert a nav_msgs/OccupancyGrid to a small picture. Pure: numpy and the standard library.
 
 Implausible numbers from the robot raise `BadMap`, with a text for the log.
 """
@@ -9,6 +9,7 @@ import hashlib
 import math
 import struct
 import zlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,8 +62,48 @@ class _Geometry(NamedTuple):
 
 
 def taken(raw: bytes) -> TakenMap:
-    """Return the map of a message, cropped to its known part. Raises `BadMap`."""
-    return _reduced(*_read(raw))
+    """Return the map of a message of ROS 1, cropped to its known part. Raises `BadMap`."""
+    try:
+        (length,) = _LENGTH.unpack_from(raw, _HEADER.size)
+        at = _HEADER.size + _LENGTH.size
+        frame = raw[at : at + min(length, MAX_FRAME_NAME)].decode(errors="replace").lstrip("/")
+        info = _INFO.unpack_from(raw, at + length)
+        at += length + _INFO.size
+        (count,) = _LENGTH.unpack_from(raw, at)
+    except struct.error as error:
+        raise BadMap(say("the message is incomplete")) from error
+    _, _, resolution_m, width, height, *origin = info
+    return taken_from(frame, resolution_m, width, height, origin, count, memoryview(raw)[at + _LENGTH.size :])
+
+
+def taken_from(
+    frame: str,
+    resolution_m: float,
+    width: int,
+    height: int,
+    origin: Sequence[float],
+    count: int,
+    data: memoryview,
+) -> TakenMap:
+    """Return the map with these fields of a message, and its `count` cells, cropped to its known part.
+
+    `origin`: position and quaternion. Raises `BadMap`.
+    """
+    if frame != FRAME:
+        raise BadMap(say("its frame is {frame}, not {map}", frame=repr(frame), map=repr(FRAME)))
+    if not width or not height or max(width, height) > MAX_MAP_SIDE or width * height > MOST_CELLS:
+        raise BadMap(say("it has {width} x {height} cells", width=width, height=height))
+    if count != width * height or len(data) != count:
+        raise BadMap(
+            say(
+                "it has {width} x {height} cells, but data for {count}",
+                width=width,
+                height=height,
+                count=count,
+            )
+        )
+    percent = np.frombuffer(data, np.int8, count).reshape(height, width)
+    return _reduced(_geometry(resolution_m, *origin), _classified(percent))
 
 
 def of_percents(resolution_m: float, origin: Pose, percent: NDArray[np.int8]) -> TakenMap:
@@ -95,34 +136,6 @@ def cells_of(taken: TakenMap) -> Cells:
         at += length + 12
     rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(taken.height, taken.width + 1)
     return np.flipud(rows[:, 1:])
-
-
-def _read(raw: bytes) -> tuple[_Geometry, Cells]:
-    try:
-        (length,) = _LENGTH.unpack_from(raw, _HEADER.size)
-        at = _HEADER.size + _LENGTH.size
-        frame = raw[at : at + min(length, MAX_FRAME_NAME)].decode(errors="replace").lstrip("/")
-        info = _INFO.unpack_from(raw, at + length)
-        at += length + _INFO.size
-        (count,) = _LENGTH.unpack_from(raw, at)
-    except struct.error as error:
-        raise BadMap(say("the message is incomplete")) from error
-    if frame != FRAME:
-        raise BadMap(say("its frame is {frame}, not {map}", frame=repr(frame), map=repr(FRAME)))
-    _, _, resolution_m, width, height, *origin = info
-    if not width or not height or max(width, height) > MAX_MAP_SIDE or width * height > MOST_CELLS:
-        raise BadMap(say("it has {width} x {height} cells", width=width, height=height))
-    if count != width * height or len(raw) != at + _LENGTH.size + count:
-        raise BadMap(
-            say(
-                "it has {width} x {height} cells, but data for {count}",
-                width=width,
-                height=height,
-                count=count,
-            )
-        )
-    percent = np.frombuffer(raw, np.int8, count, at + _LENGTH.size).reshape(height, width)
-    return _geometry(resolution_m, *origin), _classified(percent)
 
 
 def _geometry(

@@ -1,0 +1,1 @@
+"""The cameras of a robot with ROS 2, for the camera process."""
