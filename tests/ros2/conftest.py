@@ -19,3 +19,10 @@ def free_domain() -> Iterator[int]:
 def domain() -> Iterator[int]:
     with free_domain() as found:
         yield found
+
+
+@pytest.fixture(scope="module")
+def short_folder() -> Iterator[Path]:
+    """A folder with a short name, because the length of a socket's path is limited."""
+    with tempfile.TemporaryDirectory(prefix="fleet-test-") as folder:
+        yield Path(folder)

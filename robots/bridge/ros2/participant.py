@@ -59,12 +59,15 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
-    def listen(self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile) -> Subscription:
-        """Give `take` the bytes of each message, with what is known about it.
+    def listen(
+        self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile, largest: int | None = None
+    ) -> Subscription:
+        """Give `take` the bytes of each message, with what is known about it. Raises TypeUnknown.
 
         Larger messages than the console reads are dropped: DDS cuts nobody off, but decoding is what costs.
+        `largest`: bytes of the largest one, if it does not follow from the type.
         """
-        most = most_bytes(kind if isinstance(kind, str) else "")
+        most = most_bytes(kind if isinstance(kind, str) else "") if largest is None else largest
 
         def receive(raw: bytes, info: Any) -> None:
             if len(raw) <= most:

@@ -30,8 +30,9 @@ from robots.simulator.faults import parse_faults
 from robots.simulator.ros.side import RospySide
 from robots.simulator.topics.cameras.messages import camera_info
 from tests.processes import PATIENCE_S, until
-from tests.ros.served import ServedProcess
+from tests.ros.bridge_support import tiago_config
 from tests.ros.support import Master
+from tests.served import ServedProcess
 
 COMPRESSED, RAW, INFO, ODD = "/cam/compressed", "/cam/raw", "/cam/info", "/cam/odd"
 CAMERAS = [
@@ -50,7 +51,8 @@ class CameraProcess(ServedProcess):
         self.pictures: deque[tuple[wire.TakenPicture, bytes]] = deque(maxlen=50)
         self.states: dict[str, wire.Refusal | None] = {}
         self.warnings: dict[str, wire.Refusal | None] = {}
-        super().__init__(CAMERA, master, folder, stderr, topics={"cameras": CAMERAS})
+        config = tiago_config(master, folder, topics={"cameras": CAMERAS})
+        super().__init__(CAMERA, config, master.environment(), stderr)
 
     def want(self, **cameras: str) -> None:
         """Ask for these variants of cameras: ``head="full"``."""

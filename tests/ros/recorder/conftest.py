@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 import rospy
 
-from tests.ros.recorder.process import RecorderProcess
+from tests.recorder_process import RecorderProcess
+from tests.ros.bridge_support import tiago_config
 
 
 @pytest.fixture
 def recorder(rosmaster, ros, tmp_path: Path) -> Iterator[RecorderProcess]:
-    process = RecorderProcess(rosmaster, tmp_path)
+    process = RecorderProcess(tiago_config(rosmaster, tmp_path), rosmaster.environment(), tmp_path)
     yield process
     process.stop()
 
@@ -26,7 +27,8 @@ def killed_recorder(rosmaster, ros, tmp_path: Path) -> Callable[[], Any]:
 
     @contextmanager
     def begin() -> Iterator[RecorderProcess]:
-        process = RecorderProcess(rosmaster, tmp_path, robot_id="7c1f7d7a3f5e4f2a9f0b2f3c6c1b2a11")
+        config = tiago_config(rosmaster, tmp_path, robot_id="7c1f7d7a3f5e4f2a9f0b2f3c6c1b2a11")
+        process = RecorderProcess(config, rosmaster.environment(), tmp_path)
         try:
             yield process
         finally:

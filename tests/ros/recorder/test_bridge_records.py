@@ -22,8 +22,8 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import RecordingPlace
 from robots.shared.records.record_sink import TakenRecording
 from tests.processes import until
+from tests.recorder_process import messages_of
 from tests.ros.bridge_support import BridgeProcess, Hand, drivable, running_bridge, tiago_config
-from tests.ros.recorder.process import messages_of
 from tests.ros.support import SimulatorProcess
 
 

@@ -10,7 +10,7 @@ from sensor_msgs.msg import Image, LaserScan
 
 from robots.bridge.recorder.recorder_messages import End
 from tests.processes import until
-from tests.ros.recorder.process import messages_of
+from tests.recorder_process import messages_of
 
 LOST_S = 2.0  # a second that waits for its flush, and a slow computer
 

@@ -24,7 +24,8 @@ from robots.bridge.recorder.recorder_messages import (
 )
 from robots.shared import wire
 from tests.processes import PATIENCE_S, until
-from tests.ros.recorder.process import RecorderProcess, messages_of
+from tests.recorder_process import RecorderProcess, messages_of
+from tests.ros.bridge_support import tiago_config
 
 
 def said(fence: int) -> Said:
@@ -131,7 +132,7 @@ def test_a_bumper_that_is_pressed_is_an_event(recorder, publish) -> None:
 
 def test_a_lost_master_is_a_fault_that_is_kept(make_master, tmp_path: Path) -> None:
     master = make_master()
-    recorder = RecorderProcess(master, tmp_path)
+    recorder = RecorderProcess(tiago_config(master, tmp_path), master.environment(), tmp_path)
     recorder.say(InControl("person-1", "session-1"))
     until(lambda: recorder.progress.black_box, "the black box")
     recorder.say(said(5))

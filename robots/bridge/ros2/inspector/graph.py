@@ -10,10 +10,11 @@ from rclpy.action import get_action_names_and_types
 from rclpy.node import Node, NodeNameNonExistentError
 
 from robots.shared import wire
-from robots.shared.graph import INSPECTOR
+from robots.shared.graph import INSPECTOR, SystemState
 from robots.shared.texts import MOST_NODES, MOST_TOPICS, NAME, cut
 
 WITHIN_ACTION = "/_action/"
+HIDDEN = "/_"  # begins a part of a name that people do not see
 # Services that each node has for its parameters: people use parameters instead.
 OF_PARAMETERS = ("rcl_interfaces/srv/", "type_description_interfaces/srv/")
 MOST_ASKED = 500  # nodes
@@ -39,6 +40,14 @@ def graph(node: Node, seq: int) -> wire.Graph:
         if f"{name}{WITHIN_ACTION}send_goal" in servers
     ]
     return wire.Graph(topics, actions, [wire.ServiceRow(*one) for one in _services(node, servers)], seq)
+
+
+def published(node: Node) -> SystemState:
+    """Return the publishers of all topics but hidden ones, such as those of actions, and their types."""
+    publishers = _by_name(_nodes(node), node.get_publisher_names_and_types_by_node)
+    types = {cut(name, NAME): kinds[0] for name, kinds in _sorted(node.get_topic_names_and_types())}
+    shown = {name: found for name, found in publishers.items() if HIDDEN not in name}
+    return SystemState(shown, {}, types, {})
 
 
 def services(node: Node) -> dict[str, str]:

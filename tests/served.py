@@ -7,7 +7,7 @@ import subprocess
 import threading
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import msgspec
 from websockets.exceptions import ConnectionClosed
@@ -15,9 +15,8 @@ from websockets.sync.client import unix_connect
 
 from robots.bridge.served.client import Served
 from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
 from tests.processes import PATIENCE_S, REPOSITORY
-from tests.ros.bridge_support import tiago_config
-from tests.ros.support import Master
 
 
 class ServedProcess:
@@ -26,18 +25,16 @@ class ServedProcess:
     def __init__(
         self,
         served: Served,
-        master: Master,
-        folder: Path,
+        config: BridgeConfig,
+        environment: dict[str, str],
         stderr: IO[str] | None = None,
-        **changes: Any,
     ) -> None:
-        config = tiago_config(master, folder, **changes)
         self._sockets = Path(config.link.unix_path).parent
         self._sockets.mkdir()
         self.process = subprocess.Popen(
             served.command(config.ros),
             cwd=REPOSITORY,
-            env=master.environment(),
+            env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=stderr,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 from collections import defaultdict
 from pathlib import Path
@@ -12,28 +11,29 @@ from uuid import UUID, uuid4
 
 import msgspec
 from mcap.reader import SeekingReader, make_reader
+from msgspec.structs import replace
 
 from robots.bridge.recorder.recorder_messages import Begin, Begun, End, Finished, Progress, RecorderReport
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import RecordingPlace
+from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace
+from robots.shared.configuration.robot_ros import side_command
 from robots.shared.records.record_sink import TakenRecording
 from tests.processes import PATIENCE_S, REPOSITORY, until
-from tests.ros.bridge_support import tiago_config
-from tests.ros.support import Master
-
-COMMAND = (sys.executable, "-m", "robots.bridge.ros.recorder")
 
 
 class RecorderProcess:
     """One recorder."""
 
-    def __init__(self, master: Master, folder: Path, quota_bytes: int = 10**9, **changes: Any) -> None:
+    def __init__(self, config: BridgeConfig, environment: dict[str, str], folder: Path) -> None:
         self.directory = folder / "recordings"
-        place = RecordingPlace(str(self.directory), quota_bytes, 0, "1.0")
-        self.config = tiago_config(master, folder, recordings=place, **changes)
+        self.config = replace(config, recordings=RecordingPlace(str(self.directory), 10**9, 0, "1.0"))
         self.reports: list[Any] = []
         self.process = subprocess.Popen(
-            COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            side_command(config.ros, "recorder"),
+            cwd=REPOSITORY,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
         )
         self._write(msgspec.json.encode(self.config))
         self._reader = threading.Thread(target=self._read, daemon=True)

@@ -1,0 +1,1 @@
+"""How the recorder reads topics of a robot with ROS 2."""

@@ -1,0 +1,1 @@
+"""How the tap reads topics of a robot with ROS 2."""
