@@ -20,7 +20,7 @@ from teleop.foxglove.catalogue import Catalogue, Change, catalogue_of
 from teleop.foxglove.protocol import Channel, encoded
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
-from teleop.records.camera_audit import PICTURES, TOO_MANY_CAMERAS, CameraAudit
+from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit, is_picture
 from teleop.tap.feed import TapMessage, TapReader, feed_of
 
 CLOCK = "/clock"
@@ -211,7 +211,7 @@ class FoxgloveConsumer(RobotSocket):
         if self._reader is None:
             return None
         every_s = CLOCK_S if channel.topic == CLOCK and self._has_clock else 0.0
-        queue = 1 if channel.schemaName in PICTURES else QUEUE
+        queue = 1 if is_picture(channel.schemaName) else QUEUE
         return self._reader.read(channel.topic, "raw", every_s, queue)
 
     async def _send_parameters_later(self, names: list[str], id_: str | None) -> None:
@@ -271,7 +271,7 @@ class FoxgloveConsumer(RobotSocket):
         # A message of another type cannot be read with this channel's definition, and may be a picture
         if subscribed is None or self._camera_audit is None or subscribed.channel.schemaName != type_:
             return
-        if type_ in PICTURES and not self._camera_audit.begin_or_continue(topic):
+        if is_picture(type_) and not self._camera_audit.begin_or_continue(topic):
             await self.send_refusal("subscribe", TOO_MANY_CAMERAS)
             return
         # A robot with a clock of its own has only its times

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct, structs
 
-from robots.recordings.files.contents import PICTURES, Contents, Recorded
+from robots.recordings.files.contents import Contents, Recorded, is_picture
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
 from robots.shared.wire import NotDone, Refusal
 from teleop.recordings import times
@@ -88,7 +88,7 @@ def contents_of(sight: Sight, contents: Contents) -> RecordedContents:
             fields = OWN_FIELDS.get(channel.topic) or Decoder(channel, schema).number_fields()
         except UnknownType:
             fields = []
-        channels[key] = RecordedChannel(*key, count, key[1] in PICTURES, fields)
+        channels[key] = RecordedChannel(*key, count, is_picture(key[1]), fields)
     recording = sight.recording
     return RecordedContents(
         times.since(recording, recording.ends_at),
@@ -133,7 +133,7 @@ def picture(sight: Sight, contents: Contents, topic: str, at_s: float) -> tuple[
     until_ns = min(times.ns_at(sight.recording, at_s), times.ns_of(part.ends_at))
     found = contents.newest(topic, until_ns)
     kind = found.schema.name if found is not None and found.schema is not None else ""
-    if found is None or kind not in PICTURES or found.message.log_time < times.ns_of(part.begins_at):
+    if found is None or not is_picture(kind) or found.message.log_time < times.ns_of(part.begins_at):
         raise NotDone(_NO_PICTURE)
     at = times.at_s(sight.recording, found.message.log_time)
     try:

@@ -25,6 +25,7 @@ from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
+from robots.shared.messages.type_names import bare
 from robots.shared.wire import Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
@@ -32,7 +33,7 @@ from teleop.records.repeat_suppression import RecordBudgets
 
 log = logging.getLogger(__name__)
 
-PICTURES = frozenset(
+_PICTURES = frozenset(
     {
         "sensor_msgs/Image",
         "sensor_msgs/CompressedImage",
@@ -53,6 +54,11 @@ _budgets = RecordBudgets()
 _small_budgets = RecordBudgets()
 
 
+def is_picture(type_name: str) -> bool:
+    """Return whether messages of this type are pictures, of which each viewing is recorded."""
+    return bare(type_name) in _PICTURES
+
+
 class _Shown(Struct):
     """The fields of a `wire.Sample` that this module reads."""
 
@@ -68,7 +74,7 @@ _shown = msgspec.json.Decoder(_Shown)
 def _camera_of(message: str) -> str | None:
     """Return the topic if this sample is a picture, else None."""
     shown = _shown.decode(message)
-    return shown.topic if shown.type in PICTURES and shown.refusal is None else None
+    return shown.topic if is_picture(shown.type) and shown.refusal is None else None
 
 
 class _Viewing(Struct):

@@ -11,7 +11,7 @@ from robots.link.tap_link import STARTING
 from robots.shared.sentences import say
 from robots.shared.wire import MOST_QUEUED, Form, Level, NotDone, Refusal, TapState
 from teleop.background.jobs import run_in_background
-from teleop.records.camera_audit import PICTURES, TOO_MANY_CAMERAS, CameraAudit
+from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit, is_picture
 from teleop.rosbridge import framing
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Id, Number, Operation, Subscribe, Unsubscribe, full_name, full_type
@@ -161,7 +161,7 @@ class Subscribing(Family):
         # Without its type nobody knows whether it is a picture, which must be recorded
         if topic is None or topic.form != form or not topic.type:
             return
-        if topic.type in PICTURES and not self._cameras.begin_or_continue(name):
+        if is_picture(topic.type) and not self._cameras.begin_or_continue(name):
             await self.client.refuse("subscribe", TOO_MANY_CAMERAS)
             return
         for spelt in topic.names:
@@ -197,7 +197,7 @@ def _require_amount(field: str, amount: Number) -> None:
 
 def _other_type(operation: Subscribe, type_: str) -> Refusal | None:
     """Return why this subscription gets nothing: the topic has another type than it expects."""
-    if not type_ or operation.type is None or full_type(operation.type) == type_:
+    if not type_ or operation.type is None or full_type(operation.type) == full_type(type_):
         return None
     text = say("{topic} has the type {type}.", topic=full_name(operation.topic), type=type_)
     return Refusal("other_type", text, "wire", {"topic": full_name(operation.topic), "type": type_})

@@ -1,4 +1,8 @@
-"""Recognises the messages by which robots report that they touch something. Pure."""
+"""Recognises the messages by which robots report that they touch something. Pure.
+
+Messages of ROS 2 begin with four bytes of CDR. Those of ROS 1 have a number of four bytes in their headers, so that
+the frame of a header begins at the same place.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,11 @@ import re
 import struct
 from collections.abc import Callable
 
+from robots.bridge.recorder.ring import Message
+from robots.shared.messages.serialization import CDR
+from robots.shared.messages.type_names import bare
+
+CDR_HEAD = len(CDR.head)
 _LENGTH = struct.Struct("<I")
 _NAMED = re.compile(r"bump|contact|collision", re.IGNORECASE)
 AGAIN_S = 5.0  # a contact that ends and comes back sooner is the same one
@@ -16,24 +25,31 @@ def _behind_header(data: bytes) -> int:
     return 16 + int(_LENGTH.unpack_from(data, 12)[0])
 
 
-def _bumper_pressed(data: bytes) -> bool:
+def _bumper_pressed(data: bytes, _head: int) -> bool:
     at = _behind_header(data)
     return any(data[at : at + 2])  # left, right
 
 
-# Whether a message of this type reports a contact
-_TOUCHES: dict[str, Callable[[bytes], bool]] = {
-    "kobuki_msgs/BumperEvent": lambda data: data[1] == 1,  # bumper, state
+def _has_contacts(data: bytes, head: int) -> bool:
+    at = _behind_header(data)
+    at += -at % 4 if head else 0  # a number of CDR begins at a multiple of its width
+    return int(_LENGTH.unpack_from(data, at)[0]) > 0
+
+
+# Whether a message of this type, with so many bytes before it, reports a contact
+_TOUCHES: dict[str, Callable[[bytes, int], bool]] = {
+    "kobuki_msgs/BumperEvent": lambda data, head: data[head + 1] == 1,  # bumper, state
     "create_msgs/Bumper": _bumper_pressed,
     "ca_msgs/Bumper": _bumper_pressed,
-    "gazebo_msgs/ContactsState": lambda data: _LENGTH.unpack_from(data, _behind_header(data))[0] > 0,
-    "std_msgs/Bool": lambda data: data[0] == 1,  # only on topics with such a name
+    "gazebo_msgs/ContactsState": _has_contacts,
+    "std_msgs/Bool": lambda data, head: data[head] == 1,  # only on topics with such a name
 }
 
 
 def reports_contact(topic: str, type_name: str) -> bool:
     """Return whether messages of this topic report contacts."""
-    return type_name in _TOUCHES and (type_name != "std_msgs/Bool" or is_contact_name(topic))
+    kind = bare(type_name)
+    return kind in _TOUCHES and (kind != "std_msgs/Bool" or is_contact_name(topic))
 
 
 def is_contact_name(name: str) -> bool:
@@ -47,10 +63,12 @@ class Contacts:
     def __init__(self) -> None:
         self._touched_ns: dict[str, int] = {}  # by topic: the last message with a contact
 
-    def begins(self, topic: str, type_name: str, data: bytes, at_ns: int) -> bool:
+    def begins(self, message: Message) -> bool:
         """Return whether this message reports a new contact."""
+        origin, at_ns = message.origin, message.at_ns
+        topic, head = origin.topic, CDR_HEAD if origin.encoding == "cdr" else 0
         try:
-            touches = _TOUCHES[type_name](data)
+            touches = _TOUCHES[bare(origin.type)](message.data, head)
         except (IndexError, struct.error):  # it is no such message
             return False
         if not touches:

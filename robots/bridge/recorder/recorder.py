@@ -43,7 +43,8 @@ from robots.bridge.recorder.recorder_messages import (
 from robots.bridge.recorder.ring import KEPT_S, Latched, Message, Origin, Ring, picture_gap_s
 from robots.bridge.recorder.take import Take
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace, Topics
+from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace
+from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.records.record_sink import TakenRecording
 from robots.shared.sentences import say
 from robots.shared.wire import BlackBoxState, RecordingState, Refusal
@@ -105,7 +106,8 @@ class Recorder:
         self.directory = RecordingDirectory(Path(place.directory), place.quota_bytes, place.least_free_bytes)
         self._robot = config.robot_id
         self._version = place.version
-        self._box_topics = box_topics(config.topics)
+        self._profile = config.ros.profile
+        self._box_topics = box_topics(config)
         self._say = say
         self._follow = follow
         self._lock = threading.RLock()
@@ -163,8 +165,8 @@ class Recorder:
         )
 
     def _notice_contact(self, message: Message) -> None:
-        topic, type_ = message.origin.topic, message.origin.type
-        if reports_contact(topic, type_) and self._contacts.begins(topic, type_, message.data, message.at_ns):
+        topic = message.origin.topic
+        if reports_contact(topic, message.origin.type) and self._contacts.begins(message):
             self._keep(Happened("contact", message.at_ns, say("{topic} reports a contact.", topic=topic)))
 
     # --- lines of the bridge ---------------------------------------------------------------------------
@@ -259,6 +261,7 @@ class Recorder:
             self._box_done,
             self._removed,
             opened=lambda: self._answer(take, None),
+            profile=self._profile,
         )
         take.mark(happened.event, happened.at_ns, happened.text, happened.by)
         for change in self._controls_since(from_ns):
@@ -320,6 +323,7 @@ class Recorder:
             self._order_done,
             self._removed,
             opened=lambda: self._say(Begun(order.recording)),
+            profile=self._profile,
         )
         for change in self._controls[-1:]:
             take.control(*change)
@@ -498,8 +502,10 @@ def _is_recorded(origin: Origin, order: wire.LinkRecord) -> bool:
     return order.topics == "all" or not origin.is_picture
 
 
-def box_topics(topics: Topics) -> dict[str, float]:
+def box_topics(config: BridgeConfig) -> dict[str, float]:
     """Return the topics of the black box, each with the least time between two messages (s)."""
+    topics = config.topics
+    namespace = config.ros.namespace if isinstance(config.ros, Ros2) else ""
     plain = [
         topics.drive.name,
         topics.odometry.name,
@@ -510,8 +516,8 @@ def box_topics(topics: Topics) -> dict[str, float]:
             for topic in (topics.joint_states, topics.battery, topics.diagnostics, topics.map)
             if topic is not None
         ),
-        "/tf",
-        "/tf_static",
+        f"{namespace}/tf",
+        f"{namespace}/tf_static",
     ]
     if topics.navigation is not None:
         plain += [topics.navigation.velocity, topics.navigation.pose]

@@ -7,6 +7,8 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from robots.shared.messages.type_names import bare
+
 KEPT_S = 60.0
 MOST_BYTES = 48 * 1024 * 1024
 MOST_LATCHED_BYTES = 8 * 1024 * 1024  # of the latched messages
@@ -23,7 +25,7 @@ class Origin(NamedTuple):
     """Where messages come from: a topic as one of its publishers describes it, or the chain (`publisher` empty)."""
 
     topic: str
-    encoding: str  # "ros1" or "json"
+    encoding: str  # "ros1", "cdr" (of ROS 2) or "json"
     type: str  # of ROS, or the name of a schema
     md5: str
     definition: str  # text of the message definition, or a JSON schema
@@ -38,12 +40,12 @@ class Origin(NamedTuple):
 
 def is_picture(type_name: str) -> bool:
     """Return whether messages of this type are pictures or clouds."""
-    return type_name in _PICTURES
+    return bare(type_name) in _PICTURES
 
 
 def picture_gap_s(type_name: str) -> float:
     """Return the least time between two pictures of a topic in the black box."""
-    return RAW_PICTURE_S if type_name in _RAW_PICTURES else PICTURE_S
+    return RAW_PICTURE_S if bare(type_name) in _RAW_PICTURES else PICTURE_S
 
 
 class Message(NamedTuple):

@@ -30,6 +30,11 @@ MOST_EVENTS = 500  # that are noted: they are in the row, too
 MOST_PICTURES = 8  # topics, of which one becomes the small picture beside the file
 MOST_INDEX_BYTES = 32 * 1024 * 1024  # of the index in memory: a file with more of it is opened slowly
 SLOW_S = 3.0  # a disk that takes longer for a second of data is too slow
+SCHEMAS = {
+    "ros1": "ros1msg",
+    "cdr": "ros2msg",
+    "json": "jsonschema",
+}  # encodings of definitions, by that of messages
 DROPPED, CLOCK = "fleet_dropped", "fleet_clock"  # names of metadata, besides `ABOUT`
 
 FAILED = Refusal(
@@ -54,8 +59,10 @@ class Take:
         done: Callable[[Take, TakenRecording | Refusal], None],
         removed: Callable[[UUID], None],
         opened: Callable[[], None] = lambda: None,
+        profile: str = "ros1",
     ) -> None:
         self.about = about
+        self._profile = profile
         self.bytes = 0
         self.index_bytes = 0
         self.dropped: Counter[Origin] = Counter()
@@ -171,7 +178,7 @@ class Take:
             self._removed(removed)
 
     def _write(self, draft: Draft) -> TakenRecording | Refusal:
-        file = McapFile(draft.stream, "ros1")
+        file = McapFile(draft.stream, self._profile)
         try:
             file.metadata(ABOUT, {"taken": wire.encode(self.about).decode()})
             while not self._step(file, draft):
@@ -296,12 +303,10 @@ class Take:
 
 
 def _channel(file: McapFile, origin: Origin) -> int:
-    schema = file.schema(
-        origin.type, "ros1msg" if origin.encoding == "ros1" else "jsonschema", origin.definition.encode()
-    )
+    schema = file.schema(origin.type, SCHEMAS[origin.encoding], origin.definition.encode())
     about = {"md5sum": origin.md5, "callerid": origin.publisher, "latching": "1" if origin.latched else "0"}
     about["topic"] = origin.topic
-    return file.channel(origin.topic, origin.encoding, schema, about if origin.encoding == "ros1" else {})
+    return file.channel(origin.topic, origin.encoding, schema, about if origin.encoding != "json" else {})
 
 
 def _topics(counts: Counter[Origin], dropped: Counter[Origin]) -> list[RecordedTopic]:

@@ -17,10 +17,16 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.summary import Summary
 
-PICTURES = frozenset({"sensor_msgs/Image", "sensor_msgs/CompressedImage"})
+from robots.shared.messages.type_names import bare
 
+_PICTURES = frozenset({"sensor_msgs/Image", "sensor_msgs/CompressedImage"})
 
 MOST_KNOWN = 1_000_000  # entries of all indexes in memory, of about 64 bytes
+
+
+def is_picture(type_name: str) -> bool:
+    """Return whether messages of this type are pictures."""
+    return bare(type_name) in _PICTURES
 
 
 class Unreadable(Exception):
@@ -80,6 +86,7 @@ class Contents:
         try:
             self._reader = _Reader(stream)
             self._reader.know(_summaries.get(key))
+            header = self._reader.get_header()
             summary = self._reader.get_summary()
         except (McapError, ValueError, struct.error) as error:
             raise Unreadable(str(error)) from error
@@ -88,6 +95,7 @@ class Contents:
         if name is not None:
             _summaries.put(key, summary)
         self.summary: Summary = summary
+        self.profile: str = header.profile
         self.messages_count = summary.statistics.message_count
         self.begins_ns = summary.statistics.message_start_time
         self.ends_ns = summary.statistics.message_end_time

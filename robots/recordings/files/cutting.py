@@ -8,7 +8,7 @@ from typing import BinaryIO
 import msgspec
 from mcap.writer import CompressionType, Writer
 
-from robots.recordings.files.contents import PICTURES, Contents, Recorded
+from robots.recordings.files.contents import Contents, Recorded, is_picture
 from robots.shared.records.record_sink import ABOUT, TakenRecording
 
 LIBRARY = "fleet console"
@@ -29,7 +29,7 @@ def cut(
     Transforms that hold for ever (`/tf_static`) and other latched messages before a part are in it, at its beginning.
     """
     writer = Writer(target, compression=CompressionType.ZSTD)
-    writer.start(profile="ros1", library=LIBRARY)
+    writer.start(profile=contents.profile, library=LIBRARY)
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     count = 0
@@ -58,7 +58,7 @@ def topics_without_pictures(contents: Contents) -> list[str]:
     return [
         channel.topic
         for channel in contents.channels
-        if (schema := contents.schema_of(channel)) is None or schema.name not in PICTURES
+        if (schema := contents.schema_of(channel)) is None or not is_picture(schema.name)
     ]
 
 

@@ -16,6 +16,7 @@ class Ros1(Struct, frozen=True, tag_field="version", tag=1):
     """ROS 1: the robot's own master."""
 
     side: ClassVar[str] = "robots.bridge.ros"  # the bridge's part that speaks it
+    profile: ClassVar[str] = "ros1"  # of recordings, as MCAP calls it
 
     master_uri: str
     advertised_address: str | None = None  # the console's address on the robot's network (ROS_IP)
@@ -26,6 +27,7 @@ class Ros2(Struct, frozen=True, tag_field="version", tag=2):
     """ROS 2: the domain in which the robot's nodes find each other."""
 
     side: ClassVar[str] = "robots.bridge.ros2"
+    profile: ClassVar[str] = "ros2"
 
     domain_id: int = 0
     discovery: Discovery = "subnet"  # how far nodes are searched

@@ -10,7 +10,9 @@ from msgspec import structs
 from robots.bridge.drive.drive_log import Held
 from robots.bridge.recorder.contacts import Contacts, reports_contact
 from robots.bridge.recorder.events import Events
+from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
+from robots.shared.messages.serialization import CDR
 from tests.bridge.support import Bench
 
 
@@ -100,13 +102,22 @@ def test_what_is_so_at_the_beginning_is_no_event(watch) -> None:
         ("/contact_front", "std_msgs/Bool", b"\x01", b"\x00"),
         ("/gazebo/contacts", "gazebo_msgs/ContactsState", bytes(16) + b"\x02\0\0\0", bytes(20)),
         ("/bumper", "create_msgs/Bumper", bytes(16) + b"\0\x01", bytes(18)),
+        ("/bumper", "kobuki_msgs/msg/BumperEvent", CDR.head + b"\x01\x01", CDR.head + b"\x01\x00"),
+        ("/contact_front", "std_msgs/msg/Bool", CDR.head + b"\x01", CDR.head + b"\x00"),
+        (
+            "/contacts",
+            "gazebo_msgs/msg/ContactsState",
+            CDR.head + bytes(8) + b"\x02\0\0\0w\0\0\0" + b"\x02\0\0\0",
+            CDR.head + bytes(8) + b"\x02\0\0\0w\0\xff\xff" + bytes(4),
+        ),
     ],
 )
 def test_a_contact_begins_once(topic: str, type_: str, touched: bytes, free: bytes) -> None:
     assert reports_contact(topic, type_) and not reports_contact("/is_charging", "std_msgs/Bool")
     contacts, second = Contacts(), 10**9
+    encoding = "cdr" if "/msg/" in type_ else "ros1"
     seen = [
-        contacts.begins(topic, type_, data, at_s * second)
+        contacts.begins(Message(Origin(topic, encoding, type_, "", ""), 0, at_s * second, data))
         for at_s, data in (
             (0, free),
             (1, touched),

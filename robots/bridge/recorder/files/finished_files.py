@@ -96,8 +96,8 @@ def make_picture(path: Path) -> bool:
         kinds = {one.topic: summary.schemas[one.schema_id].name for one in summary.channels.values()}
         pictures = [topic for topic, kind in kinds.items() if is_picture(kind)]
         for topic in sorted(pictures):
-            for schema, _, message in reader.iter_messages([topic], reverse=True):
-                origin = Origin(topic, "ros1", schema.name if schema else "", "", "")
+            for schema, channel, message in reader.iter_messages([topic], reverse=True):
+                origin = Origin(topic, channel.message_encoding, schema.name if schema else "", "", "")
                 picture = thumbnail_of(Message(origin, 0, 0, message.data))
                 if picture is not None:
                     path.with_suffix(PICTURE).write_bytes(picture)

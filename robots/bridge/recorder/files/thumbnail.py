@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 
 from robots.bridge.recorder.ring import Message
+from robots.shared.messages.type_names import bare
 
 WIDTH, QUALITY = 240, 70
 LARGEST_BYTES = 16 * 1024 * 1024
@@ -13,11 +14,13 @@ _WORD = struct.Struct("<I")
 
 
 class _Reader:
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, aligned: bool) -> None:
         self._data = data
         self._at = 0
+        self._aligned = aligned  # as in ROS 2
 
     def word(self) -> int:
+        self._at += -self._at % _WORD.size if self._aligned else 0
         value: int = _WORD.unpack_from(self._data, self._at)[0]
         self._at += 4
         return value
@@ -26,6 +29,9 @@ class _Reader:
         size = self.word() if size is None else size
         self._at += size
         return self._data[self._at - size : self._at]
+
+    def text(self) -> str:
+        return self.bytes().rstrip(b"\0").decode("ascii", "replace")
 
 
 def thumbnail_of(message: Message) -> bytes | None:
@@ -36,15 +42,15 @@ def thumbnail_of(message: Message) -> bytes | None:
     from robots.bridge.camera.pictures.image_header import Damaged
     from robots.bridge.camera.pictures.jpeg import UNDECODABLE, decoded, jpeg, narrowed, raw_image
 
-    read = _Reader(message.data)
+    kind, read = bare(message.origin.type), _Reader(message.data, message.origin.encoding == "cdr")
     try:
-        read.bytes(12)  # number and time
+        read.bytes(12)  # number and time; in ROS 2 what is before each message, and time
         read.bytes()  # frame
-        if message.origin.type == "sensor_msgs/CompressedImage":
+        if kind == "sensor_msgs/CompressedImage":
             read.bytes()  # format
             image = decoded(read.bytes(), WIDTH)
-        elif message.origin.type == "sensor_msgs/Image":
-            height, width, encoding = read.word(), read.word(), read.bytes().decode("ascii", "replace")
+        elif kind == "sensor_msgs/Image":
+            height, width, encoding = read.word(), read.word(), read.text()
             read.bytes(1)  # order of bytes
             image = raw_image(width, height, encoding, read.word(), read.bytes())
         else:

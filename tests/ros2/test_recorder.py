@@ -1,0 +1,90 @@
+"""The recorder of a ROS 2 robot, at the simulated robot: its files are those of rosbag2, with definitions."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from msgspec.structs import replace
+from rosbags.rosbag2 import Reader
+
+from robots.bridge.recorder.recorder_messages import InControl
+from robots.recordings.files.bag import NoBag, write_bag
+from robots.recordings.files.contents import Contents
+from robots.recordings.files.decoding import Decoder
+from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.records.record_sink import TakenRecording
+from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
+from robots.shared.wire import BlackBoxState
+from tests.bridge.support import CONFIG
+from tests.processes import PATIENCE_S, until
+from tests.recorder_process import RecorderProcess
+from tests.ros2.side import Side, needs_rclpy
+from tests.ros2.test_simulator import Visitor, robot  # noqa: F401  (it runs for this module too)
+
+ODOMETRY, MAP, CAMERA = "/mobile_base_controller/odom", "/map", "/xtion/rgb/image_raw/compressed"
+
+pytestmark = needs_rclpy
+
+
+@pytest.fixture(scope="module")
+def recorder(domain: int, robot: Side, short_folder: Path):  # noqa: F811
+    config = replace(
+        CONFIG, ros=Ros2(domain_id=domain, discovery="localhost"), state_dir=str(short_folder / "state")
+    )
+    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
+    process = RecorderProcess(config, environment, short_folder)
+    yield process
+    process.stop()
+
+
+def read_by_rosbag2(path: Path, topic: str) -> list[bytes]:
+    with Reader(path) as reader:
+        found = [one for one in reader.connections if one.topic == topic]
+        return [bytes(data) for _, _, data in reader.messages(found)]
+
+
+def test_a_recording_has_cdr_and_whole_definitions(recorder: RecorderProcess, tmp_path: Path) -> None:
+    def recorded() -> TakenRecording | None:
+        recording = recorder.begins([ODOMETRY, MAP, CAMERA])
+        until(lambda: recorder.bytes > 100_000, "pictures", PATIENCE_S)
+        taken = recorder.finishes(recording)
+        return taken if {ODOMETRY, MAP, CAMERA} <= {one.topic for one in taken.topics} else None
+
+    taken = until(recorded, "all topics", PATIENCE_S)
+    assert taken.dropped == 0 and taken.thumbnail
+    with (recorder.directory / taken.name).open("rb") as stream:
+        assert make_reader(stream).get_header().profile == "ros2"
+        contents = Contents(stream)
+        assert {channel.topic for channel in contents.channels} >= {ODOMETRY, MAP, CAMERA}
+        for topic, kind in ((ODOMETRY, "nav_msgs/msg/Odometry"), (MAP, "nav_msgs/msg/OccupancyGrid")):
+            found = contents.newest(topic, contents.ends_ns)
+            assert found is not None and found.schema is not None
+            assert (found.schema.name, found.schema.encoding) == (kind, "ros2msg")
+            assert found.channel.message_encoding == "cdr"
+            assert Decoder(found.channel, found.schema).read(found.message.data).header.frame_id
+            assert found.message.data == read_by_rosbag2(recorder.directory / taken.name, topic)[-1]
+        with pytest.raises(NoBag):
+            write_bag(contents, tmp_path / "one.bag")
+
+
+def test_a_pressed_bumper_is_an_event_and_others_topics_are_found(
+    recorder: RecorderProcess, domain: int
+) -> None:
+    recorder.say(InControl("person-1", "session-1"))
+    recording = recorder.begins("pictures_not")
+    visitor = Visitor("tests.ros2.visitor", domain)
+    try:
+        visitor.ask(publish="/bumper_front", kind="std_msgs/Bool", fields={"data": True})
+        until(lambda: box(recorder).keeps == "contact", "the contact", PATIENCE_S)
+    finally:
+        visitor.close()
+    topics = {one.topic for one in recorder.finishes(recording).topics}
+    assert {"/bumper_front", "/tf", "/scan_raw"} <= topics and CAMERA not in topics
+    assert not [topic for topic in topics if "/_action/" in topic]
+
+
+def box(recorder: RecorderProcess) -> BlackBoxState:
+    return recorder.progress.black_box or BlackBoxState()
