@@ -1,4 +1,4 @@
-"""The entries of a robot's master, read once for all Foxglove connections of this process while there is one.
+"""The topics of a robot, read once for all Foxglove connections of this process while there is one.
 
 A topic becomes a channel when a node publishes it and the definition of its type is known. Channels have the same
 numbers for all connections, so that each change is encoded once.
@@ -21,7 +21,7 @@ from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.foxglove import connection_graph
 from teleop.foxglove.connection_graph import ConnectionGraph
-from teleop.foxglove.protocol import Channel, encoded
+from teleop.foxglove.protocol import Channel, channel, encoded
 
 log = logging.getLogger(__name__)
 
@@ -181,7 +181,7 @@ class Catalogue:
         return self._channel(topic, type_name, self._texts[type_name])
 
     def _channel(self, topic: str, type_name: str, text: str) -> Channel:
-        return Channel(id=next(self._numbers), topic=topic, schemaName=type_name, schema=_schema(text))
+        return channel(next(self._numbers), topic, type_name, _schema(text))
 
     def _apply(self, channels: dict[str, Channel], graph: ConnectionGraph) -> None:
         """Replace channels and graph, and tell the readers what changed."""

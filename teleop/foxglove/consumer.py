@@ -100,13 +100,14 @@ class FoxgloveConsumer(RobotSocket):
         self._catalogue = catalogue
         await catalogue.first_read()
         clock = catalogue.channels.get(CLOCK)
-        self._has_clock = clock is not None and clock.schemaName == protocol.CLOCK_TYPE
+        self._has_clock = clock is not None and protocol.is_clock(clock.schemaName)
         info = encoded(
             "serverInfo",
             name=entry.facts.name,
             capabilities=["parameters", "connectionGraph", *(["time"] if self._has_clock else [])],
             supportedEncodings=[],
-            metadata={"ROS_DISTRO": "noetic"},  # clients choose their kind of ROS by it
+            # clients choose their kind of ROS by it
+            metadata={"ROS_DISTRO": "humble" if entry.facts.ros == 2 else "noetic"},
             sessionId=self.id,
         )
         channels = catalogue.whole()
@@ -262,9 +263,9 @@ class FoxgloveConsumer(RobotSocket):
             self._catalogue.correct(state.topic, state.type, state.definition)
 
     async def _deliver(self, topic: str, _form: Form, message: TapMessage) -> None:
-        type_ = self._types.get(topic)
-        is_clock = topic == CLOCK and self._has_clock and type_ == protocol.CLOCK_TYPE
-        if is_clock and (now_ns := protocol.clock_ns(message.body)) is not None:
+        type_ = self._types.get(topic, "")
+        is_clock = topic == CLOCK and self._has_clock and protocol.is_clock(type_)
+        if is_clock and (now_ns := protocol.clock_ns(message.body, type_)) is not None:
             self._clock_ns = now_ns
             await self._send_frame(protocol.time(now_ns))
         subscribed = self._subscriptions.get(topic)

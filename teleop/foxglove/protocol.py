@@ -11,10 +11,11 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct
 
+from robots.shared.messages.serialization import CDR
+from robots.shared.messages.type_names import bare, is_ros2
 from robots.shared.wire import MessageDecoder
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
-CLOCK_TYPE = "rosgraph_msgs/Clock"
 LARGEST_BYTES = 64 * 1024  # of a client's message: the server lets no larger one through
 
 Number = Annotated[int, Meta(ge=0, lt=2**32)]
@@ -122,10 +123,23 @@ class Channel(Struct, frozen=True, kw_only=True):
 
     id: int
     topic: str
-    encoding: str = "ros1"
+    encoding: str
     schemaName: str
     schema: str
-    schemaEncoding: str = "ros1msg"
+    schemaEncoding: str
+
+
+def channel(number: int, topic: str, type_name: str, text: str) -> Channel:
+    """Return the channel of a topic whose type has this definition."""
+    encoding, schema_encoding = ("cdr", "ros2msg") if is_ros2(type_name) else ("ros1", "ros1msg")
+    return Channel(
+        id=number,
+        topic=topic,
+        encoding=encoding,
+        schemaName=type_name,
+        schema=text,
+        schemaEncoding=schema_encoding,
+    )
 
 
 _CALL = struct.Struct("<II")
@@ -156,9 +170,15 @@ def no_asset(request: int, why: str) -> bytes:
     return _NO_ASSET.pack(4, request, 1, len(words)) + words
 
 
-def clock_ns(body: bytes) -> int | None:
-    """Return the time in a message of `CLOCK_TYPE`; None: it is too short."""
-    if len(body) < _CALL.size:
+def is_clock(type_name: str) -> bool:
+    """Return whether messages of this type are times of a simulation."""
+    return bare(type_name) == "rosgraph_msgs/Clock"
+
+
+def clock_ns(body: bytes, type_name: str) -> int | None:
+    """Return the time in a message of a clock; None: it is too short."""
+    begin = len(CDR.head) if is_ros2(type_name) else 0
+    if len(body) < begin + _CALL.size:
         return None
-    secs, nsecs = _CALL.unpack_from(body)
+    secs, nsecs = _CALL.unpack_from(body, begin)
     return int(secs) * 1_000_000_000 + int(nsecs)

@@ -24,6 +24,7 @@ from robots.access.models import Course
 from robots.access.selectors import robots_visible_to
 from robots.access.who_sees import Reader, reader_of
 from robots.recordings.models import Kind, Recording
+from robots.registry.models import RosChoice
 from robots.registry.selectors import robot_facts
 from teleop.models import ControlSession
 from teleop.recordings import times
@@ -45,7 +46,7 @@ def recordings(request: HttpRequest) -> HttpResponse:
     person = person_of(request)
     reader = reader_of(person)
     filters, first, last = _filters(request)
-    found = filtered(person, reader, filters).select_related("robot", "person").defer("topics")
+    found = filtered(person, reader, filters).select_related("robot__profile", "person").defer("topics")
     page: Page[Recording] = Paginator(found, ROWS).get_page(request.GET.get("page"))
     context = {
         "page": page,
@@ -68,7 +69,7 @@ def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
     """Show a recording: replay, downloads, and what may be done with it."""
     person = person_of(request)
     reader = reader_of(person)
-    found = Recording.objects.filter(pk=recording_id).select_related("robot", "person").first()
+    found = Recording.objects.filter(pk=recording_id).select_related("robot__profile", "person").first()
     sight = sight_of(person, found, reader) if found else None
     if found is None or sight is None:
         raise Http404("There is no such recording, or you may not see it.")
@@ -85,6 +86,7 @@ def recording(request: HttpRequest, recording_id: UUID) -> HttpResponse:
         "sessions": list(_sessions(sight, person.pk)),
         "shares": shares,
         "speeds": SPEEDS,
+        "is_ros2": found.robot.profile.ros == RosChoice.TWO,
         "more": more,
         "replay": {
             "address": f"/api/v1/recordings/{found.pk}",

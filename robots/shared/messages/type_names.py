@@ -9,6 +9,11 @@ def bare(type_name: str) -> str:
     return f"{package}{slash}{rest.rpartition('/')[2]}"
 
 
+def is_ros2(type_name: str) -> bool:
+    """Return whether the name is written as ROS 2 writes it."""
+    return type_name.count("/") == 2
+
+
 def is_action(type_name: str) -> bool:
     """Return whether the type is that of an action."""
     return type_name.endswith("Action") or "/action/" in type_name

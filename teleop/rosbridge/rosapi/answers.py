@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, Refused, TopicName, TypeName
 from teleop.rosbridge.rosapi.typedefs import typedefs
@@ -69,7 +70,7 @@ class Rosapi:
 
     async def topics_for_type(self, args: Mapping[str, Any]) -> Answer:
         rows = (await self.graph()).topics
-        return {"topics": [row.name for row in rows if row.type == args.get("type")]}
+        return {"topics": [row.name for row in rows if bare(row.type) == bare(str(args.get("type") or ""))]}
 
     async def topics_and_raw_types(self, _: Mapping[str, Any]) -> Answer:
         found = await self.topics({})

@@ -12,12 +12,14 @@ from typing import Any
 import msgspec
 import pytest
 from django.utils import timezone
+from msgspec import structs
 
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from fleet.audit.models import Record
 from robots.registry.models import RobotRole
 from robots.shared import wire
+from robots.shared.messages.serialization import CDR
 from robots.shared.wire import TapState
 from teleop.background.database import in_database
 from teleop.foxglove import catalogue, consumer
@@ -415,17 +417,37 @@ async def test_each_subscription_counts_as_a_message(connect, monkeypatch):
     assert len(refused) < 500
 
 
-async def test_simulated_time_is_that_of_all_messages(connect, behind):
-    behind.rows = [*ROWS, CLOCK]
+@pytest.mark.parametrize("version", [1, 2])
+async def test_simulated_time_is_that_of_all_messages(connect, behind, monkeypatch, version: int):
+    if version == 2:
+        monkeypatch.setitem(TYPES, "/clock", "rosgraph_msgs/msg/Clock")
+        monkeypatch.setitem(TEXTS, "rosgraph_msgs/msg/Clock", "time clock\n")
+    behind.rows = [*ROWS, structs.replace(CLOCK, type=TYPES["/clock"])]
     client = await connect()
     assert (await client.next("serverInfo"))["capabilities"][-1] == "time"
     reader = await client.subscribe("/scan")
     assert reader.readings["/clock"][0] > 0.0
+    head = CDR.head if version == 2 else b""
     await reader.deliver("/clock", "raw", TapMessage("/clock", 1, 99, b"short"))
-    await reader.deliver("/clock", "raw", TapMessage("/clock", 1, 99, struct.pack("<II", 5, 7)))
+    await reader.deliver("/clock", "raw", TapMessage("/clock", 1, 99, head + struct.pack("<II", 5, 7)))
     assert await client.frame() == struct.pack("<BQ", 2, 5_000_000_007)
     await reader.deliver("/scan", "raw", TapMessage("/scan", 1, 99, b""))
     assert await client.frame() == struct.pack("<BIQ", 1, 7, 5_000_000_007)
+
+
+async def test_a_ros_2_robot_has_cdr_and_its_pictures_are_recorded(connect, behind, monkeypatch):
+    image = "sensor_msgs/msg/Image"
+    monkeypatch.setitem(TYPES, "/picture", image)
+    monkeypatch.setitem(TEXTS, image, "uint8[] data\n")
+    behind.rows = [wire.TopicRow("/picture", image, ["/camera"])]
+    client = await connect()
+    reader = await client.subscribe("/picture")
+    channel = client_catalogue().channels["/picture"]
+    assert (channel.encoding, channel.schemaEncoding) == ("cdr", "ros2msg")
+    assert reader.readings["/picture"] == (0.0, 1), "the newest wins"
+    await reader.deliver("/picture", "raw", TapMessage("/picture", 1, 99, b""))
+    await client.frame()
+    assert await eventually(lambda: Record.objects.filter(kind="camera.start").first())
 
 
 # --- parameters and the graph -----------------------------------------------------------------------------
