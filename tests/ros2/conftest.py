@@ -1,7 +1,9 @@
 """A domain of ROS 2 for each test module, also while other tests run on this computer."""
 
+import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
 
