@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from robots.registry.models import Role
 from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.control.status import Rights
@@ -25,7 +26,7 @@ def required_role(
     roles = [
         Role(entry.role)
         for entry in allowed
-        if (entry.what, entry.name, entry.use) == (what, name, use) and type_ in ("", entry.type)
+        if (entry.what, entry.name, entry.use) == (what, name, use) and bare(type_) in ("", bare(entry.type))
     ]
     return min(roles, default=None)
 

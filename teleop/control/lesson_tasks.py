@@ -5,6 +5,7 @@ from __future__ import annotations
 from robots.places.entries import key_of
 from robots.shared import wire
 from robots.shared.messages import twists
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire import LessonTasks, Refusal, TaskRequest
 
@@ -35,6 +36,6 @@ def _left_out(tasks: LessonTasks, request: TaskRequest) -> str | Sentence | None
             return say("This text")
         case wire.Go(place=place) if places is not None and key_of(place) not in map(key_of, places):
             return place or say("This goal")
-        case wire.Publish(type=type_, topic=topic) if type_ not in twists.TYPES:
+        case wire.Publish(type=type_, topic=topic) if bare(type_) not in twists.TYPES:
             return None if motions is phrases is places is None else topic
     return None

@@ -22,6 +22,7 @@ from robots.places.selectors import place_of_robot
 from robots.registry.models import Role
 from robots.shared import wire
 from robots.shared.messages import twists
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
@@ -100,7 +101,7 @@ class TaskSender:
         """Check the request's topic against the allow-list and the person's role."""
         allowed, offers = self._owner.hub.entry.allowed, self._owner.hub.link.offers or wire.Offers()
         match request:
-            case wire.Publish(type=type_) if type_ in twists.TYPES:
+            case wire.Publish(type=type_) if bare(type_) in twists.TYPES:
                 return None  # the bridge passes it through the gate like drive input, or refuses it
             case wire.Publish(topic=topic, type=type_):
                 needed = required_role(allowed, "publish", topic, type_)

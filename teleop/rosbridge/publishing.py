@@ -14,6 +14,7 @@ from msgspec import Struct
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
 from robots.shared.messages import twists
+from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, TaskRequest, WireError
 from teleop.background.jobs import run_in_background
@@ -119,11 +120,11 @@ class Publishing(Family):
         if self._takes(topic) is not None:
             return None
         if topic in self._drive_topics:
-            drives = type_ in (self._drive_type, _TWIST)
+            drives = type_ in (bare(self._drive_type), _TWIST)
             return None if drives else _other_type(topic, self._drive_type)
         allowed = self.client.hub.entry.allowed
         types = [one.type for one in allowed if (one.what, one.name) == ("publish", topic)]
-        if types and type_ not in types:
+        if types and type_ not in map(bare, types):
             return _other_type(topic, types[0])
         return check_role(self.client.rights, required_role(allowed, "publish", topic, type_), topic)
 
@@ -171,9 +172,10 @@ class Publishing(Family):
     def _order(self, topic: str, fields: Any) -> _Order:
         """Return a velocity for the bridge. Clients send no time: it counts as sent when it arrives."""
         wanted = self._drive_type
-        type_ = self._types.get(full_name(topic), wanted)
-        if (type_, wanted) == (_TWIST, _STAMPED):
-            type_, fields = wanted, {"twist": fields}
+        type_ = self._types.get(full_name(topic), bare(wanted))
+        if (type_, bare(wanted)) == (_TWIST, _STAMPED):
+            type_, fields = _STAMPED, {"twist": fields}
+        type_ = wanted if type_ == bare(wanted) else type_
         fence, sent_ms = self.client.fence or 0, 1000.0 * time.monotonic()
         return _Order(fence, self._drive_topic, type_, fields, sent_ms, self.client.next_number())
 

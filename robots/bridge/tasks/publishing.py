@@ -45,7 +45,7 @@ class Publications(TaskPart):
 
     def take(self, order: wire.Publish, grant: Grant, requester: Requester, now_s: float) -> None:
         """Check a message, then record it. A velocity goes through the gate at once."""
-        if order.type in twists.TYPES:
+        if bare(order.type) in twists.TYPES:
             requester.answer(self._twist(order, grant, now_s))
             return
         rules = self._context.rules
@@ -66,10 +66,9 @@ class Publications(TaskPart):
 
     def _why_not(self, order: wire.Publish) -> Refusal | None:
         """Return a refusal if the allow-list does not have this topic and type."""
-        wanted = ("publish", order.topic, order.type)
-        if any(
-            (allowed.what, allowed.name, allowed.type) == wanted for allowed in self._context.config.allowed
-        ):
+        wanted = ("publish", order.topic, bare(order.type))
+        allowed = self._context.config.allowed
+        if any((one.what, one.name, bare(one.type)) == wanted for one in allowed):
             return None
         text = say(
             "The allow-list does not contain {topic} with type {type}.", topic=order.topic, type=order.type

@@ -239,19 +239,20 @@ def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0, type_name="geomet
     return wire.Publish(1, topic, type_name, fields, rate_hz, sent_ms, bench.seq)
 
 
-def driven(bench, vx):
+def driven(bench, vx, **more):
     """Request the twist before and after the drive is recorded; return the last answer."""
-    bench.order(twist(bench, vx))
+    bench.order(twist(bench, vx, **more))
     bench.recorded()
     bench.pass_time(0.05)
-    return bench.order(twist(bench, vx))
+    return bench.order(twist(bench, vx, **more))
 
 
-def test_twist_passes_the_gate_and_expires_after_0_3_s(bench):
+@pytest.mark.parametrize("type_name", ["geometry_msgs/Twist", "geometry_msgs/msg/Twist"])
+def test_twist_passes_the_gate_and_expires_after_0_3_s(bench, type_name: str):
     asked = []
     decide = bench.gate.decide
     bench.gate.decide = lambda *what: asked.append(what[0]) or decide(*what)
-    assert driven(bench, 0.3) is None
+    assert driven(bench, 0.3, type_name=type_name) is None
     assert bench.last == Velocity(pytest.approx(0.3), 0.0, 0.0)
     assert asked[-1] == bench.last
     bench.pass_time(0.35)

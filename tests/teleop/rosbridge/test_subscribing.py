@@ -120,6 +120,15 @@ async def test_the_newest_wins_at_the_rate_that_the_client_asked_for(subscribe, 
     assert (await client.hears_op("publish"))["msg"]["data"] == 5
 
 
+@pytest.mark.parametrize("expected", ["std_msgs/String", "std_msgs/msg/String"])
+@pytest.mark.parametrize("published", ["std_msgs/String", "std_msgs/msg/String"])
+async def test_types_have_two_spellings(subscribe, tap, expected: str, published: str):
+    client = await subscribe(type=expected)
+    tap.describe(TOPIC, Kind(published, ""))
+    tap.publish(TOPIC, {"data": "hello"})
+    assert (await client.hears_op("publish"))["msg"] == {"data": "hello"}
+
+
 async def test_another_type_than_expected_is_told(subscribe, tap):
     client = await subscribe(type="std_msgs/Int32")
     tap.describe(TOPIC)
@@ -145,9 +154,10 @@ async def test_only_the_subscription_of_the_wrong_type_ends(subscribe, tap):
     assert not [one for one in client.inbox if one["op"] == "status" and one["msg"].startswith("not_sub")]
 
 
-async def test_pictures_are_on_record(subscribe, tap):
+@pytest.mark.parametrize("type_", ["sensor_msgs/Image", "sensor_msgs/msg/Image"])
+async def test_pictures_are_on_record(subscribe, tap, type_: str):
     client = await subscribe(topic="/image", type="sensor_msgs/Image")
-    tap.describe("/image", Kind("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"))
+    tap.describe("/image", Kind(type_, "060021388200f6f0f447d0fcd9c64743"))
     tap.publish("/image", {"data": ""})
     await client.hears_op("publish")
     assert await eventually(Record.objects.filter(kind__startswith="camera.").first)
