@@ -1,4 +1,4 @@
-"""Files that people download: a whole recording, a cut in time, chosen topics; as MCAP or as a bag.
+"""Files that people download: a whole recording, a cut in time, chosen topics; as MCAP, as a bag or for rosbag2.
 
 A whole MCAP file is sent as it is, unless a person is in it who was erased. Everything else is made once, and stays for
 some hours, so that a download can be continued. A part names nobody but who downloads it.
@@ -26,6 +26,7 @@ from robots.recordings import stores
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
+from robots.recordings.files.rosbag2 import for_rosbag2
 from robots.recordings.services import taken_of
 from robots.shared.records.record_sink import KeptEvent, TakenRecording
 from robots.shared.wire import NotDone, Refusal
@@ -45,17 +46,26 @@ _FULL = Refusal(
     "disk_full", "There is no room on the server for this download: download less of it.", "limits"
 )
 _EMPTY = Refusal("nothing_in_it", "The recording has no messages in this time and of these topics.", "wire")
-_NO_BAG = Refusal("no_bag", "A bag has messages of ROS 1 only: download this recording as MCAP.", "wire")
+_NO_BAG = {
+    "bag": Refusal("no_bag", "A bag has messages of ROS 1 only: download this recording as MCAP.", "wire"),
+    "rosbag2": Refusal(
+        "no_bag", "rosbag2 reads messages of ROS 2 only: download this recording as MCAP or as a bag.", "wire"
+    ),
+}
 UNREADABLE = Refusal("recording_unreadable", "The file of this recording cannot be read.", "robot")
 
 _DRAFT = ".draft"  # before it stands how large the file may become
 _making = threading.BoundedSemaphore(AT_ONCE)
 
 
+FileFormat = Literal["mcap", "bag", "rosbag2"]
+ENDINGS = {"mcap": "mcap", "bag": "bag", "rosbag2": "rosbag2.mcap"}
+
+
 class Wanted(Struct, frozen=True):
     """The part that is downloaded. Times: s since the recording began; None: from its beginning, to its end."""
 
-    format: Literal["mcap", "bag"] = "mcap"
+    format: FileFormat = "mcap"
     from_s: float | None = None
     until_s: float | None = None
     topics: list[str] | None = None  # None: all
@@ -85,7 +95,7 @@ def _made(sight: Sight, wanted: Wanted, about: TakenRecording) -> Path:
     parts = sorted(times.windows_ns(recording, sight.parts))
     asked = hashlib.sha256(msgspec.json.encode([wanted, parts, about])).hexdigest()[:20]
     folder = _folder()
-    path = folder / f"{recording.pk}-{asked}.{wanted.format}"
+    path = folder / f"{recording.pk}-{asked}.{ENDINGS[wanted.format]}"
     if path.exists():
         # The time of its last change stays: a browser continues only a file that did not change
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
@@ -97,7 +107,7 @@ def _made(sight: Sight, wanted: Wanted, about: TakenRecording) -> Path:
     except Unreadable as error:
         raise NotDone(UNREADABLE) from error
     except NoBag as error:
-        raise NotDone(_NO_BAG) from error
+        raise NotDone(_NO_BAG[wanted.format]) from error
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
@@ -111,7 +121,7 @@ def name_of(sight: Sight, wanted: Wanted) -> str:
     """Return the name under which a browser saves it: robot and time, without what a person wrote."""
     recording = sight.recording
     part = "" if wanted == Wanted(wanted.format) and sight.whole else "-part"
-    return f"{recording.robot.slug}-{recording.begins_at:%Y%m%dT%H%M%SZ}{part}.{wanted.format}"
+    return f"{recording.robot.slug}-{recording.begins_at:%Y%m%dT%H%M%SZ}{part}.{ENDINGS[wanted.format]}"
 
 
 def remove_old() -> None:
@@ -139,11 +149,12 @@ def _make(sight: Sight, wanted: Wanted, about: TakenRecording, path: Path) -> No
         _make_room(path.parent, needed)
         draft = path.with_name(f"{uuid4()}.{needed}{_DRAFT}")
         try:
-            if wanted.format == "mcap":
-                with draft.open("xb") as file:
-                    count = cut(contents, file, topics=topics, windows=windows, about=about)
-            else:
+            if wanted.format == "bag":
                 count = write_bag(contents, draft, topics=topics, windows=windows)
+            else:
+                more = {"shape": for_rosbag2} if wanted.format == "rosbag2" else {}
+                with draft.open("xb") as file:
+                    count = cut(contents, file, topics=topics, windows=windows, about=about, **more)
             if not count:
                 raise NotDone(_EMPTY)
             draft.rename(path)
@@ -197,7 +208,7 @@ def _needed(contents: Contents, wanted: Wanted, windows: list[tuple[int, int]]) 
         for chunk in contents.summary.chunk_indexes
         if any(chunk.message_start_time < last and chunk.message_end_time >= first for first, last in windows)
     ]
-    if wanted.format == "mcap":
+    if wanted.format != "bag":
         return sum(chunk.compressed_size for chunk in chunks) * 5 // 4
     share = len(chunks) / max(len(contents.summary.chunk_indexes), 1)
     return sum(chunk.uncompressed_size for chunk in chunks) + round(share * contents.messages_count * 64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import BinaryIO
 
 import msgspec
@@ -22,9 +22,11 @@ def cut(
     topics: Collection[str] | None = None,
     windows: Sequence[tuple[int, int]] = ALL,
     about: TakenRecording,
+    shape: Callable[[Recorded], Recorded] = lambda recorded: recorded,
 ) -> int:
     """Write the parts (ns, ends exclusive, in order) as MCAP; return the number of messages. Raises `Unreadable`.
 
+    `shape` returns each message as it is written.
     `about`: what the new file says of itself. The whole file names everybody; who gets a part may not read that.
     Transforms that hold for ever (`/tf_static`) and other latched messages before a part are in it, at its beginning.
     """
@@ -33,7 +35,8 @@ def cut(
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     count = 0
-    for at_ns, (schema, channel, message) in parts(contents, topics, windows):
+    for at_ns, recorded in parts(contents, topics, windows):
+        schema, channel, message = shape(recorded)
         if channel.id not in channels:
             if schema is not None and schema.id not in schemas:
                 schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)

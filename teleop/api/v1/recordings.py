@@ -132,7 +132,7 @@ class SeriesAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from
 class FileAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from_": "from"}):
     """The part that is downloaded."""
 
-    format: Literal["mcap", "bag"] = "mcap"
+    format: downloads.FileFormat = "mcap"
     from_: Seconds | None = None
     to: Seconds | None = None
     topics: Annotated[str, Meta(max_length=5000, description="Separated by commas. None: all.")] = ""

@@ -25,7 +25,7 @@ TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
 ATTRIBUTES = {"body_class", "main_attributes"}
 # The console's name, examples of input, and words equal in every language: keys, units.
 SAME_EVERYWHERE = re.compile(
-    r"Fleet console|\{\"linear\.x\": 0\.2\}|\b(?:ms|m/s|rad/s|Hz)\b|MCAP|rosbag \(\.bag\)|/scan|/joint_states"
+    r"Fleet console|\{\"linear\.x\": 0\.2\}|\b(?:ms|m/s|rad/s|Hz)\b|MCAP|rosbag2? \(\.\w+\)|/scan|/joint_states"
 )
 READ_OUT_OR_SHOWN = {"alt", "aria-description", "aria-label", "aria-valuetext", "placeholder", "title"}
 NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # to type, not to read

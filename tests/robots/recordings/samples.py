@@ -27,11 +27,12 @@ def sample(
     """
     stream = io.BytesIO()
     writer = Writer(stream, chunk_size=2000)
-    writer.start(profile="ros1", library="test")
+    profile = "ros2" if encoding == "cdr" else "ros1"
+    writer.start(profile=profile, library="test")
     kinds = {
-        "/map": writer.register_schema("std_msgs/String", "ros1msg", b"string data"),
-        "/odom": writer.register_schema("a_msgs/Odom", "ros1msg", ODOM.encode()),
-        "/camera": writer.register_schema("sensor_msgs/Image", "ros1msg", b"uint8[] data"),
+        "/map": writer.register_schema("std_msgs/String", f"{profile}msg", b"string data"),
+        "/odom": writer.register_schema("a_msgs/Odom", f"{profile}msg", ODOM.encode()),
+        "/camera": writer.register_schema("sensor_msgs/Image", f"{profile}msg", b"uint8[] data"),
     }
     channels = {
         topic: writer.register_channel(

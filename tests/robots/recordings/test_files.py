@@ -13,11 +13,14 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.rosbag1 import Reader
+from rosbags.rosbag2 import Reader as Rosbag2
 
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents, Summaries, Unreadable
 from robots.recordings.files.cutting import cut, topics_without_pictures
 from robots.recordings.files.decoding import Decoder, UnknownType, number_at
+from robots.recordings.files.rosbag2 import for_rosbag2
+from robots.shared.messages.serialization import CDR
 from robots.shared.records.record_sink import TakenRecording
 from tests.robots.recordings.samples import SECOND, sample
 
@@ -109,6 +112,21 @@ def test_a_bag_has_the_same_messages(tmp_path: Path) -> None:
     assert ("/fleet/view", "std_msgs/msg/String") in {one[:2] for one in found}
     speeds = [data for topic, _, at_ns, data in found if topic == "/odom" and at_ns == SECOND]
     assert speeds == [struct.pack("<Iddddd", 2, 10, -10, 1.0, 2.0, 1.0)]
+
+
+def test_rosbag2_opens_what_is_made_for_it(tmp_path: Path) -> None:
+    about = TakenRecording(uuid4(), "", "by_hand", 2.0, 3.0, 0, "", "", [])
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        count = cut(Contents(sample(1, "cdr")), file, about=about, shape=for_rosbag2)
+    with Rosbag2(path) as bag:
+        found = [(one.topic, one.msgtype, bytes(data)) for one, _, data in bag.messages()]
+        kept = {one.topic for one in bag.connections if one.ext.offered_qos_profiles}
+    assert len(found) == count and kept == {"/map"}
+    view = next(one for one in found if one[0] == "/fleet/view")
+    assert view[1:] == ("std_msgs/msg/String", CDR.head + b'\x16\0\0\0{"state":{"speed":0}}\0')
+    with pytest.raises(NoBag):
+        cut(Contents(sample(1)), io.BytesIO(), about=about, shape=for_rosbag2)
 
 
 def test_messages_of_ros_2_make_no_bag(tmp_path: Path) -> None:
