@@ -1,15 +1,33 @@
-"""A console with a robot of ROS 2: what `script/demo --mixed --smoke` does."""
+"""A console with a robot of ROS 2: what `script/demo --mixed --smoke` does, and its pictures."""
 
 import asyncio
+from collections.abc import Iterator
 
+import pytest
+
+from script.stack.client import sign_in
 from script.stack.smoke import drive_and_stop
-from script.stack.stack import MIXED_ROBOTS, temporary_stack
+from script.stack.stack import MIXED_ROBOTS, Stack, temporary_stack
 from tests.ros2.side import needs_rclpy
+from tests.script.viewer import viewer
 
 pytestmark = needs_rclpy
+ROBOT = next(robot for robot in MIXED_ROBOTS if robot.ros == 2)
 
 
-def test_a_person_drives_it_a_metre_and_stops_it() -> None:
-    robot = next(robot for robot in MIXED_ROBOTS if robot.ros == 2)
-    with temporary_stack([robot]) as stack:
-        assert "stop pressed" in asyncio.run(drive_and_stop(stack, robot.slug))
+@pytest.fixture(scope="module")
+def stack() -> Iterator[Stack]:
+    with temporary_stack([ROBOT]) as stack:
+        yield stack
+
+
+def test_a_person_drives_it_a_metre_and_stops_it(stack: Stack) -> None:
+    assert "stop pressed" in asyncio.run(drive_and_stop(stack, ROBOT.slug))
+
+
+async def test_its_camera_is_shown_with_lens_and_place(stack: Stack) -> None:
+    async with viewer(stack, sign_in(stack, "operator"), robot=ROBOT.slug) as page:
+        await page.watch("head")
+        await page.gets_pictures("head", 5)
+        await page.until(lambda: page.pictures[-1].get("pose"))  # tf has come: the way can be drawn
+        assert page.pictures[-1]["lens"] and page.warnings.get("head") is None

@@ -11,6 +11,8 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -25,7 +27,12 @@ from robots.shared.unreachable import Unreachable
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 0.02  # between looks for a service
+LOOK_S = 0.02  # between looks for a service or for nodes
+FOUND_S = 1.5  # until the robot's nodes must have been found
+QUIET_S = 0.3  # without a new node: then all have been found
+
+# The survey tells of QoS that does not fit. rclpy's own handlers fail when a subscription ends on another thread.
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 Take = Callable[[bytes, Any], None]
 
@@ -59,6 +66,17 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
+    def find_nodes(self) -> None:
+        """Wait for the first answers of the domain, so that the first look sees the robot; `FOUND_S` at most."""
+        begin_s = changed_s = time.monotonic()
+        count = alone = 1
+        while (now_s := time.monotonic()) < begin_s + FOUND_S:
+            if count > alone and now_s >= changed_s + QUIET_S:
+                return
+            time.sleep(LOOK_S)
+            found = len(self.node.get_node_names())
+            count, changed_s = (count, changed_s) if found == count else (found, time.monotonic())
+
     def listen(
         self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile, largest: int | None = None
     ) -> Subscription:
@@ -84,7 +102,9 @@ class Participant:
             )
 
         found = message_class(kind) if isinstance(kind, str) else kind
-        subscription = self.node.create_subscription(found, topic, guarded(receive), qos, raw=True)
+        subscription = self.node.create_subscription(
+            found, topic, guarded(receive), qos, event_callbacks=NO_EVENTS, raw=True
+        )
         return Subscription(self.node, subscription)
 
     def ask(self, kind: Any, service: str, request: Any, patience_s: float) -> Any:
@@ -113,13 +133,17 @@ class Participant:
         rclpy.shutdown(context=self._context)
 
     def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
-        except Exception:
-            log.exception("the executor failed")
-            self._on_failed()
+        while True:
+            try:
+                self._executor.spin()
+            except ExternalShutdownException:
+                pass
+            except InvalidHandle:  # another thread ended a subscription while the executor looked at it
+                continue
+            except Exception:
+                log.exception("the executor failed")
+                self._on_failed()
+            return
 
 
 class Subscription:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node as RosNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -14,7 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name
-from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.participant import NO_EVENTS, Participant
 from robots.bridge.ros2.qos import kept
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.side import Received, Talker
@@ -101,7 +102,9 @@ class Source:
             self._refusal = Refusal("type_unknown", text, "robot", {"type": type_name})
             return
         receive = partial(self._receive, type_name)
-        self._subscription = self._node.create_subscription(kind, self._topic, receive, qos, raw=True)
+        self._subscription = self._node.create_subscription(
+            kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
+        )
 
     def _receive(self, type_name: str, data: bytes) -> None:
         self._take(Received(type_name, data, partial(known, type_name)))
@@ -125,7 +128,9 @@ class Writer:
         except TypeUnknown as error:
             text = say("No installed package has the type {type}.", type=definition.type)
             raise declined.unknown_type(definition.type, text) from error
-        self._publisher = node.create_publisher(kind, topic, profile)
+        self._publisher = node.create_publisher(
+            kind, topic, profile, event_callbacks=PublisherEventCallbacks(use_default_callbacks=False)
+        )
 
     def await_listeners(self, within_s: float) -> None:
         """Wait until those that the domain knows are connected."""

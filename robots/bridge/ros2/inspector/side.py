@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -20,10 +19,6 @@ from robots.shared.configuration.robot_ros import ros2
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.definition import Definition
 
-FOUND_S = 1.5  # until the robot's nodes must have been found
-QUIET_S = 0.3  # without a new node: then all have been found
-LOOK_S = 0.05
-
 
 class Ros2:
     """`robots.bridge.topics.inspector.side.InspectorSide`."""
@@ -33,16 +28,7 @@ class Ros2:
         self._participant.start()
         self._node = self._participant.node
         self._parameters = Parameters(self._participant)
-        self._find_nodes()
-
-    def _find_nodes(self) -> None:
-        """Wait for the first answers of the domain, so that a first question sees the robot."""
-        until_s = time.monotonic() + FOUND_S
-        count, since_s = 1, time.monotonic()
-        while time.monotonic() < min(until_s, since_s + QUIET_S if count > 1 else until_s):
-            time.sleep(LOOK_S)
-            found = len(self._node.get_node_names())
-            count, since_s = (found, time.monotonic()) if found != count else (count, since_s)
+        self._participant.find_nodes()
 
     def join(self) -> Node:
         """Return the node, which is there already."""
