@@ -1,4 +1,4 @@
-"""A whole bridge of a simulated ROS 2 robot: joined, driven, held by the gate, stopped."""
+"""Bridge and watchdog of a simulated ROS 2 robot: it drives, speaks, moves and navigates until a stop."""
 
 from contextlib import closing
 from pathlib import Path
@@ -9,11 +9,13 @@ import msgspec
 import pytest
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import DepthSource, LimbSource, Topic
+from robots.shared.configuration.bridge_config import DepthSource, LimbSource, NavigationSource, Topic
 from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.configuration.watchdog_config import watchdog_config
 from tests.processes import until
 from tests.ros.bridge_support import Hand, drivable, tiago_config
+from tests.ros.navigation.conftest import FAR, Traveller
 from tests.ros2.side import Side, needs_rclpy
 
 DEPTH = DepthSource(
@@ -29,7 +31,6 @@ pytestmark = needs_rclpy
 
 @pytest.fixture(scope="module", autouse=True)
 def robot(domain: int):
-    # 2 m in front of it is a wall
     options = ("--ros=2", "--name=tiago-9", "--pose=2,1.8,0", "--seed=1", "--drift=0", "--exit-with-parent")
     side = Side("robots.simulator", domain, *options)
     yield side
@@ -54,6 +55,15 @@ def hand(domain: int, tmp_path: Path):
             0.07,
             "control_msgs/action/FollowJointTrajectory",
         ),
+        "map": Topic("/map", "nav_msgs/msg/OccupancyGrid"),
+        "navigation": NavigationSource(
+            "/navigate_to_pose",
+            "/cmd_vel",
+            "/amcl_pose",
+            "nav2_msgs/action/NavigateToPose",
+            "/plan",
+            "/initialpose",
+        ),
         "cancel_on_stop": ["/tts_engine/tts", "/play_motion2"],
     }
     nowhere: Any = SimpleNamespace(uri="")
@@ -61,15 +71,17 @@ def hand(domain: int, tmp_path: Path):
     config = tiago_config(nowhere, tmp_path, ros=Ros2(domain, "localhost"), topics=topics, gate=gate)
     file = tmp_path / "config"
     file.write_bytes(msgspec.json.encode(config))
+    watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(watchdog_config(config)).decode())
     bridge = Side("tests.ros.bridge_process", domain, str(file), str(tmp_path / "records"))
     assert config.link.unix_path is not None
     until(Path(config.link.unix_path).exists, "the bridge listens")
     with closing(Hand(config.link.unix_path)) as hand:
         yield hand
     bridge.close()
+    watchdog.close()
 
 
-def test_a_person_drives_it_until_the_gate_or_a_stop_holds_it(hand: Hand) -> None:
+def test_a_person_drives_it_until_a_stop(hand: Hand) -> None:
     hand.state_until(drivable, "a robot that can be driven")
     hand.take_control(1)
     hand.state_until(lambda state: any(one.ok for one in state.sensors if one.kind == "depth"), "pictures")
@@ -98,3 +110,15 @@ def test_it_speaks_waves_and_lifts_its_torso_until_a_stop(hand: Hand) -> None:
     hand.state_until(lambda state: state.motion and state.motion.name == "wave", "a motion")
     hand.send(wire.LinkStop("ann", "enough"))
     hand.state_until(lambda state: state.motion_ended and state.motion is None, "the end of the motion")
+
+
+def test_it_goes_to_a_place_until_a_stop(hand: Hand) -> None:
+    hand.state_until(drivable, "a robot that can be driven")
+    hand.take_control(1)
+    hand.let_go()
+    traveller = Traveller(None, hand)
+    begin = hand.state_until(lambda state: state.odometry is not None, "odometry").odometry
+    traveller.go(*FAR)
+    traveller.until(lambda state: state.going and state.odometry.x > begin.x + 0.3, "a drive by navigation")
+    hand.send(wire.LinkStop("ann", "enough"))
+    hand.state_until(lambda state: state.going_ended and state.odometry.vx == 0.0, "the end of the drive")
