@@ -34,7 +34,9 @@ class ReachedFields(Form):
         super().__init__(*args, **kwargs)
         if "profile" in self.fields:
             others = RobotProfile.objects.filter(ros=RosChoice.TWO).values_list("pk", flat=True)
-            self.fields["profile"].widget.attrs["data-ros-2"] = " ".join(map(str, sorted(others)))
+            widget: Any = self.fields["profile"].widget
+            select = getattr(widget, "widget", widget)  # within the links of the admin
+            select.attrs["data-ros2"] = " ".join(map(str, sorted(others)))
         if self.asks_again:
             self.data = data = cast(QueryDict, self.data).copy()
             for name, field in self.fields.items():

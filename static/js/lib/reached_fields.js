@@ -1,6 +1,6 @@
 /** The form of a robot: after the choice of a profile with the other ROS, ask the server for the fields of that ROS. */
 
-const select = document.querySelector("select[data-ros-2]");
+const select = document.querySelector("select[data-ros2]");
 if (select instanceof HTMLSelectElement && select.form) {
   const form = select.form;
   const second = new Set((select.dataset.ros2 ?? "").split(" "));

@@ -163,6 +163,7 @@ def test_the_admin_shows_the_fields_of_the_profiles_ros(admin: Client, robot: Ro
     assert shown(admin.get(reverse("admin:robots_robot_change", args=[second.pk]))) == FIELDS_2
     assert shown(admin.get(reverse("admin:robots_robot_add"))) == FIELDS_1
     assert shown(admin.get(f"{reverse('admin:robots_robot_add')}?profile={second.profile_id}")) == FIELDS_2
+    assert 'data-ros2="' in admin.get(reverse("admin:robots_robot_add")).content.decode()
     export = {"action": "export_robots", "_selected_action": [str(second.pk)]}
     assert admin.post(reverse("admin:robots_robot_changelist"), export).json()[0]["domain_id"] == 7
 
@@ -193,7 +194,10 @@ def test_the_first_robot_may_have_ros_2(admin: Client, tiago_2: RobotProfile) ->
     chosen = {"name": "First", "profile": str(tiago_2.pk), "master_uri": ""}
     again = admin.post("/setup/robot/", chosen | {"_reached": "1"})
     assert (shown(again, "form"), again.context["form"].errors) == ({"domain_id", "discovery"}, {})
-    assert 'name="domain_id"' in again.content.decode()
+    page = again.content.decode()
+    assert 'name="domain_id"' in page and "js/lib/reached_fields" in page
+    pmb2_2 = RobotProfile.objects.get(slug="pmb2-ros2")
+    assert f'data-ros2="{" ".join(map(str, sorted([pmb2_2.pk, tiago_2.pk])))}"' in page
     assert (
         "Location"
         not in admin.post("/setup/robot/", chosen | {"domain_id": "102", "discovery": "off"}).headers
