@@ -16,7 +16,12 @@ from teleop.rosbridge.service_calls import MOST_PENDING
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-ADD = "/fleet/clients/add"
+ADD, COUNT = "/fleet/clients/add", "/fleet/clients/count"
+USES = (
+    {"op": "call_service", "service": ADD},
+    {"op": "send_action_goal", "action": COUNT, "id": "mine", "args": {}},
+    {"op": "publish", "topic": f"{COUNT}/goal", "msg": {}},
+)
 
 
 @pytest.fixture(autouse=True)
@@ -241,6 +246,34 @@ async def test_a_name_is_offered_once(server, open_client):
     await server.call("/fleet/release_control")
     await other.send("advertise_service", service="/add", type="lab_srvs/Add")
     await eventually_offered(other)
+
+
+@pytest.mark.parametrize("use", USES)
+async def test_what_clients_offer_is_used_by_the_role_of_its_entry(use, server, open_client):
+    await server.send("advertise_action", action="/count", type="lab_msgs/CountAction")
+    await server.call("/fleet/renew_control")
+    observer = await open_client("observer")
+    await observer.send(**use)
+    await observer.told("role_too_low")
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        *USES,
+        {"op": "advertise_service", "service": ADD, "type": "lab_srvs/Add"},
+        {"op": "advertise_action", "action": COUNT, "type": "lab_msgs/CountAction"},
+        {"op": "call_service", "service": "/lamp"},
+        {"op": "call_service", "service": "/republish_tfs"},
+        {"op": "subscribe", "topic": "/scan"},
+    ],
+)
+async def test_a_token_for_driving_only_uses_and_offers_nothing(use, server, open_client):
+    await server.send("advertise_action", action="/count", type="lab_msgs/CountAction")
+    await server.call("/fleet/renew_control")
+    client = await open_client("staff", scopes=(Scope.DRIVE,))
+    await client.send(**use)
+    await client.told("scope_missing")
 
 
 # --- actions of clients ----------------------------------------------------------------------------------------------
