@@ -11,7 +11,9 @@ from fleet.audit.models import Record
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
-from teleop.rosbridge.clients import actions, services
+from teleop.rosbridge.clients import actions, post, services
+from teleop.rosbridge.clients.letters import Goal, Offer
+from teleop.rosbridge.clients.post import Post
 from teleop.rosbridge.service_calls import MOST_PENDING
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -332,6 +334,28 @@ async def test_a_goal_ends_when_the_client_that_took_it_leaves(open_client, brid
     assert result["values"].startswith("client_left: ")
     await other.send("send_action_goal", id="again", action="/fleet/clients/count", args={})
     assert (await other.hears_op("action_result", id="again"))["values"].startswith("not_allowed: ")
+
+
+async def test_goals_end_with_the_web_process_of_their_other_end(robot, open_client, bridge, monkeypatch):
+    monkeypatch.setattr(post, "TELL_S", 0.05)
+    client = await open_client("operator")
+    await client.send("advertise_action", action="/other", type="lab_msgs/CountAction")
+    await client.call("/fleet/renew_control")  # its answer comes after the offer
+    elsewhere = Post(robot.id)
+    address = elsewhere.join("ann", {})
+    elsewhere.offer(Offer("action", COUNT, "lab_msgs/CountAction", "ann"))
+    [here] = [one for one in post._posts.values() if one._clients]
+    while not (found := elsewhere.find("action", "/fleet/clients/other")) or not here.find("action", COUNT):
+        await client.call("/fleet/renew_control")
+    await elsewhere.send(address, found[1], Goal("theirs", "/fleet/clients/other", {}, feedback=False))
+    taken = await client.hears_op("send_action_goal", action="/other")
+    await client.send("send_action_goal", id="mine", action=COUNT, args={})
+    monkeypatch.setattr(post, "GONE_S", 0.2)
+    for task in elsewhere._tasks:  # as when it is killed
+        task.cancel()
+    result = await client.hears_op("action_result", id="mine")
+    assert result["values"].startswith("client_left: ")
+    await client.hears_op("cancel_action_goal", id=taken["id"])
 
 
 async def test_a_client_that_leaves_cancels_the_goals_that_it_sent(open_client, bridge):
