@@ -44,10 +44,15 @@ class RawTopics:
     """The topics that a process beside the bridge reads in the robot's domain."""
 
     def __init__(self, config: BridgeConfig, name: str) -> None:
-        self._participant = Participant(f"{name.strip('/')}_{os.getpid()}", ros2(config.ros).domain_id)
+        self._participant = Participant(
+            f"{name.strip('/')}_{os.getpid()}",
+            ros2(config.ros).domain_id,
+            on_failed=lambda: os._exit(1),  # the bridge starts another process
+        )
         self._lock = threading.Lock()
         self._topics: list[RawTopic] = []
         self._participant.start()
+        self._participant.find_nodes()
         start_vital(self._follow_publishers, "publishers")
 
     @property
