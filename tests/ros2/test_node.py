@@ -92,3 +92,17 @@ def test_a_page_reads_whether_the_robot_is_there(bridge: Side, robot: Side) -> N
     bridge.await_line("status", lambda words: words[1] == "connecting")
     robot.close()
     assert "Nothing" in bridge.await_line("status", lambda words: words[1] == "waiting")
+
+
+def test_a_page_reads_who_else_drives_and_who_hears_nothing(domain: int, bridge: Side, robot: Side) -> None:
+    bridge.await_line("listened")
+    visitor = Side("tests.ros2.visitor", domain)
+    try:
+        visitor.say('{"publish": "/key_vel", "kind": "geometry_msgs/Twist", "fields": {}}')
+        visitor.say('{"listen": "/key_vel", "kind": "geometry_msgs/Twist", "kept": true}')
+        status = bridge.await_line("status", lambda words: "/visitor" in words and "transient" in words)
+        foreign, problem = " ".join(status).split(" | ")[-2:]
+        assert foreign == "/visitor"
+        assert problem.startswith("/visitor gets nothing on /key_vel")
+    finally:
+        visitor.close()

@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist, TwistStamped
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.geometry.poses import Velocity
 
 log = logging.getLogger(__name__)
-
-InvalidHandle: type[Exception] = rclpy_implementation.InvalidHandle  # what a closed publisher raises
 
 
 def twist_class(drive: Topic) -> type[Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from action_msgs.srv import CancelGoal
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import InvalidHandle
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
@@ -27,7 +28,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import InvalidHandle, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.parameters import NodeParameters
@@ -54,6 +55,7 @@ log = logging.getLogger(__name__)
 P = TypeVar("P")
 PARTS = kinds_in(tasks)
 
+CLOCK = "/clock"  # published where time is simulated
 LEAVE_S = 1.0
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
@@ -199,9 +201,8 @@ class RosBase:
     def join(self) -> None:
         """Join the robot's domain and read its sensors."""
         config, namespace, reception = self.config, self._ros.namespace, self._reception
-        name = BRIDGE.strip("/") + namespace.replace("/", "_")
         self.participant = participant = Participant(
-            name, self._ros.domain_id, lambda: self.lost(name_taken=False)
+            BRIDGE.strip("/"), self._ros.domain_id, lambda: self.lost(name_taken=False)
         )
         self.graph = Graph(participant.node)
         self.parameters = NodeParameters(participant)
@@ -258,14 +259,20 @@ class RosBase:
             return
         self._own_listeners = own_listeners(self.graph, drive)
         system = self._system()
-        self._surveys.surveyed(system, drive, problems(self.graph, drive))
-        self._reception.follow_clock("/clock" in system.types)
+        self._surveys.surveyed(system, drive, self._problems(drive))
+        self._reception.follow_clock(bool(system.publishers.get(CLOCK)))
         self._look_for_restart()
         if self._description.text != self._text:
             self._text = self._description.text
             self._descriptions.restarted()
         self._descriptions.surveyed(system)
         self.parts.surveyed()
+
+    def _problems(self, drive: str) -> list[str]:
+        found = problems(self.graph, drive)
+        if self._tf is not None and self._tf.frames.is_full:
+            found.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
+        return found
 
     def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the robot."""
@@ -304,7 +311,7 @@ class RosBase:
         ]
         seen = [topic for topic in (topics.odometry, topics.joint_states, topics.map) if topic]
         names = [topic.name for topic in (*map(goal_topic, inputs), *seen)]
-        names += [scan.topic for scan in topics.scans]
+        names += [CLOCK, *(scan.topic for scan in topics.scans)]
         return self.graph.system([*names, self._inputs.drive, f"{namespace}/tf"])
 
     def _run_of_map_server(self, node: str) -> object:

@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from robots.bridge.robot.board import BOARD
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.sizes import most_bytes
+from robots.shared.processes.memory import end_without_memory
 from robots.shared.sentences import say
 from robots.shared.texts import size_text
 from robots.shared.unreachable import Unreachable
@@ -28,6 +29,8 @@ from robots.shared.unreachable import Unreachable
 log = logging.getLogger(__name__)
 
 LOOK_S = 0.02  # between looks for a service or for nodes
+WORKED_S = 10.0  # an executor that ran for so long works
+MOST_FAILURES = 20  # in a row
 FOUND_S = 1.5  # until the robot's nodes must have been found
 QUIET_S = 0.3  # without a new node: then all have been found
 
@@ -133,17 +136,25 @@ class Participant:
         rclpy.shutdown(context=self._context)
 
     def _spin(self) -> None:
+        """Call callbacks until the end. A stranger's answer to a service may be unreadable: the others count."""
+        failures = 0
         while True:
+            began_s = time.monotonic()
             try:
                 self._executor.spin()
+                return
             except ExternalShutdownException:
-                pass
+                return
             except InvalidHandle:  # another thread ended a subscription while the executor looked at it
                 continue
+            except MemoryError:
+                end_without_memory()
             except Exception:
                 log.exception("the executor failed")
+            failures = failures + 1 if time.monotonic() - began_s < WORKED_S else 1
+            if failures > MOST_FAILURES:
                 self._on_failed()
-            return
+                return
 
 
 class Subscription:
@@ -164,6 +175,8 @@ def guarded(callback: Callable[..., None]) -> Callable[..., None]:
     def call(*message: Any) -> None:
         try:
             callback(*message)
+        except MemoryError:
+            end_without_memory()
         except Exception:  # any content of a stranger's message
             log.debug("a message could not be read", exc_info=True)
 

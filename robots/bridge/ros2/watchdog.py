@@ -9,8 +9,9 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from action_msgs.srv import CancelGoal
+from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import InvalidHandle, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.robot_ros import ros2
