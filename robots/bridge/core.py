@@ -63,8 +63,8 @@ class Core:
 
     `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called
     after each scan, to send a fresh view. `on_news` is called after each sensor message while somebody has
-    control: `prepare` then does the gate's work before the next command needs it. `recorded` returns the fields of
-    `wire.State` about recordings.
+    control: `prepare` then does the gate's work before the next command needs it. `on_wake` is called when a rest
+    ends: call `catch_up` soon. `recorded` returns the fields of `wire.State` about recordings.
     """
 
     def __init__(
@@ -80,6 +80,7 @@ class Core:
         stops_before: int = 0,
         on_scan: Callable[[], None] = lambda: None,
         on_news: Callable[[], None] = lambda: None,
+        on_wake: Callable[[], object] = lambda: None,
         recorded: Callable[[], Mapping[str, Any]] = lambda: {},
     ) -> None:
         self.config = config
@@ -94,7 +95,7 @@ class Core:
         self._announce = announce
         self._recorded = recorded
         self._on_scan = on_scan
-        self._on_news = on_news
+        self._on_news, self._on_wake = on_news, on_wake
         self._inputs = HolderInputs(config)
         self.reports = RobotReports(config, base, records)
         self._after_stop = MotionAfterStop(config, records, base.joint)
@@ -103,6 +104,8 @@ class Core:
         self._asking: DriveInput | None = None  # the input that asks for motion
         self._passed = STILL  # the requested twist that was passed to the gate
         self.sent = STILL  # the last twist to the base
+        self._rests = False
+        self._lags = False  # the rest has just ended: messages of sensors still wait
         self._publish_until_s = float("-inf")
         self._cancels = GoalCancels(base.cancel_all, saved.latched)
         self._late = LoopLateness("bridge")
@@ -279,6 +282,16 @@ class Core:
         self._watch_stopped(now_s)
         self._cancels.tick(self.latch.latched, now_s)
         self.reports.tick(now_s)
+        self._rests = self._may_rest(still, now_s)
+
+    def repeat_zero(self, now_s: float, late_s: float = 0.0) -> None:
+        """Publish zero between two ticks of a robot at rest under control. A late sensor ends the rest."""
+        self._late.observe(late_s, now_s)
+        self._send(STILL, now_s)
+        if self._gate.odometry_is_stale(now_s):
+            self._base.take_odometry()
+        if not self._gate.hears_all(now_s):
+            self._end_rest()
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
         """Note that a web process's loop was late: silence in this time is not the operator's fault."""
@@ -290,6 +303,8 @@ class Core:
 
     def recorded(self, now_s: float) -> None:
         """Begin work whose record was just written, without waiting for the next tick."""
+        self._end_rest()
+        self.catch_up()
         self._expire(now_s)
         self._decide(now_s)
         self.tasks.tick(self._page_gone_s, now_s)
@@ -309,9 +324,23 @@ class Core:
         return RobotClock(None if simulated else self.reports.skew_s, simulated)
 
     @property
+    def in_use(self) -> bool:
+        """Return whether somebody has control, or a stop is being carried out. Thread-safe."""
+        return self.lease.current is not None or self.stop_state.state == "stopping"
+
+    @property
+    def rests(self) -> bool:
+        """Return whether somebody has control, but the robot stands and nothing asks it to move. Thread-safe.
+
+        What its sensors send may wait then for the next tick: the gate judges no motion before it is taken. Each
+        motion begins with a record, during which there is time for this.
+        """
+        return self._rests
+
+    @property
     def needs_fresh_sensors(self) -> bool:
         """Return whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
-        return self.lease.current is not None or self.stop_state.state == "stopping"
+        return self.in_use and not self._rests
 
     def publishing(self, now_s: float) -> bool:
         """Return whether twists are published: during control, a stop, and shortly after both."""
@@ -377,6 +406,10 @@ class Core:
             self._judge_navigation(arrival_s)
         if before is None or before[1:] != (pose, velocity):  # else obstacles are where they were
             self._report_changes()
+
+    def odometry_alike(self, stamp_s: float, arrival_s: float) -> None:
+        """Take an odometry message that shows the same as the next one, which waits already."""
+        self._gate.observe_odometry_alike(stamp_s, arrival_s)
 
     def laser(self, scan: LaserScan, *, thins: bool = False) -> None:
         """Take a scan. `thins`: nobody looks at the robot, and it stands."""
@@ -517,7 +550,32 @@ class Core:
 
     # --- inside -----------------------------------------------------------------------------------
 
+    def _may_rest(self, still: bool | None, now_s: float) -> bool:
+        """Return whether sensors may wait: nothing asks for motion, moves or is begun, and no sensor is late."""
+        return (
+            self.lease.current is not None
+            and self.stop_state.state == "clear"
+            and still is True
+            and self._asking is None
+            and self._passed == self.sent == STILL
+            and not (self._drives.under_way or self.drives_itself or self.tasks.under_way)
+            and self._gate.hears_all(now_s)
+        )
+
+    def _end_rest(self) -> None:
+        """Let what waits be taken soon. The next decision is sure of it."""
+        if self._rests:
+            self._rests, self._lags = False, True
+            self._on_wake()
+
+    def catch_up(self) -> None:
+        """Take what still waits since the rest that has just ended."""
+        if self._lags:
+            self._lags = False
+            self._base.take_waiting()
+
     def _zero(self, code: str, reason: Sentence, now_s: float) -> None:
+        self._rests = False
         self._stop_until_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
@@ -529,6 +587,7 @@ class Core:
         # obstacles that are prepared for this decision would be made again.
         if self._gate.odometry_is_stale(now_s):
             self._base.take_odometry()
+        self.catch_up()
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
@@ -544,6 +603,10 @@ class Core:
         elif grant and (requester := self.tasks.navigation.driving_requester):
             self._check_navigation(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
+        if asked != STILL:
+            self._end_rest()  # only now: meanwhile the begin of the drive is recorded
+        if self._passed != STILL:
+            self.catch_up()  # it is recorded already
         verdict = self._gate.decide(self._passed, self.sent, now_s)
         if self._passed != STILL:
             self._drives.decided(verdict, now_s)

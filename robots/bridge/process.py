@@ -58,6 +58,11 @@ MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
 # Between ticks while nothing is sent to the base, and somebody looks; nobody looks
 WATCHED_S, REST_S = 0.1, 0.2
+# While somebody has control and the robot rests: between ticks; between looks into the mailboxes. Zeros and heartbeats
+# still come every `TICK_S`
+HELD_S, HELD_MAIL_S = 0.2, 0.1
+SENT_S = 0.002  # after the begin of a drive was asked for: its request is on its way to the records process
+_VIEW_HELD_S = 0.2 - TICK_S / 2.0  # between views of a robot that rests
 _VIEW_GAP_S = 0.05  # while a page watches: a view with each scan, at most this often
 _VIEW_LATEST_S = 0.15  # and at least this often, also without scans
 PATH_GAP_S = 1.0
@@ -97,6 +102,7 @@ class Bridge:
             stops_before,
             on_scan=lambda: self._soon(self._view_scan),
             on_news=lambda: self._soon(self._prepare),
+            on_wake=lambda: asyncio.get_running_loop().call_later(SENT_S, self._soon, self._core.catch_up),
             recorded=self._recorder.state,
         )
         self._core.latch.ignore(presses)
@@ -118,6 +124,7 @@ class Bridge:
         self._goal = saved.goal  # navigation's goal in the state file
         self._ended = False
         self._rests = False
+        self._ticked_s = self._mail_s = float("-inf")
         self._wake = asyncio.Event()
         self._exit_code = 0
         self._last_news: tuple[object, ...] = ()
@@ -192,10 +199,16 @@ class Bridge:
         due_s = time.monotonic()
         while not self._ended:
             # read sensors and commands before the dead-man is checked: they wait after a stall
-            self._soon(self._base.mail.take_waiting)
-            await asyncio.sleep(0.0)
+            if self._is_due(self._mail_s, HELD_MAIL_S):
+                self._mail_s = time.monotonic()
+                self._soon(self._base.mail.take_waiting)
+                await asyncio.sleep(0.0)
             now_s = time.monotonic()
-            self._tick(now_s, now_s - due_s)
+            if self._is_due(self._ticked_s, HELD_S):
+                self._ticked_s = now_s
+                self._tick(now_s, now_s - due_s)
+            else:
+                self._core.repeat_zero(now_s, now_s - due_s)
             self._beat(now_s)
             self._rests = self._may_rest(now_s)
             # after a stall, do not repeat the missed ticks
@@ -207,16 +220,20 @@ class Bridge:
             alarm.cancel()
             due_s = min(due_s, time.monotonic())  # a change wakes it earlier
 
+    def _is_due(self, last_s: float, held_s: float) -> bool:
+        """Return whether periodic work is due: at each turn, but every `held_s` while the robot rests under control."""
+        return not self._core.rests or time.monotonic() - last_s >= held_s - TICK_S / 2.0
+
     def _may_rest(self, now_s: float) -> bool:
         """Return whether ticks may be seldom: nothing is sent to the base, and nothing drives it."""
         core = self._core
-        return not (core.needs_fresh_sensors or core.publishing(now_s) or core.drives_itself)
+        return not (core.in_use or core.publishing(now_s) or core.drives_itself)
 
     def _changed(self) -> None:
         """Tell the watchdog at once that control or the stop changed, and end the rest."""
         now_s = time.monotonic()
         self._beat(now_s)
-        self._base.hurry(self._core.needs_fresh_sensors)
+        self._base.hurry(self._core.in_use)
         if self._rests and not self._may_rest(now_s):
             self._rests = False
             self._wake.set()
@@ -227,7 +244,7 @@ class Bridge:
             self._goal = goal
             self._lease_orders.save_latch()
         grant = self._core.lease.current
-        self._base.hurry(self._core.needs_fresh_sensors)
+        self._base.hurry(self._core.in_use)
         self._base.watched = self._recorder.wants_view or any(link.watchers for link in self._links.links)
         self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(
@@ -304,6 +321,8 @@ class Bridge:
     def _view(self, gap_s: float) -> None:
         """Send a view to links with watchers, unless the last one is younger than `gap_s`."""
         now_s = time.monotonic()
+        if self._core.rests:
+            gap_s = _VIEW_HELD_S
         looked_at = [link for link in self._links.links if link.watchers]
         records = self._recorder.wants_view
         if not (looked_at or records) or now_s - self._viewed_s < gap_s:

@@ -35,6 +35,9 @@ class Base(Robot, Protocol):
     def take_odometry(self) -> None:
         """Handle odometry that has arrived and waits for the event loop."""
 
+    def take_waiting(self) -> None:
+        """Handle all messages of sensors that wait since the robot rests."""
+
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return the time until the robot's computer acknowledged a twist (s); None: no new measurement."""
 

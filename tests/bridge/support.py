@@ -138,6 +138,9 @@ class OpenGate:
     def fault(self, _now_s: float) -> Fault | None:
         return self.misses
 
+    def hears_all(self, _now_s: float) -> bool:
+        return self.misses is None
+
     def decide(self, asked: Velocity, _sent: Velocity, _now_s: float) -> Verdict:
         if asked != STILL and self.misses:
             return Verdict(STILL, asked, self.misses.code, f"stopped: {self.misses.text}", neutral=True)
@@ -189,7 +192,7 @@ class MemoryBase:
     readings: int = 0  # how often its motions were read
     cancelled: int = 0
     listeners: int = 1
-    waiting: list[Callable[[], None]] = field(default_factory=list)  # odometry that waits for the event loop
+    waiting: list[Callable[[], None]] = field(default_factory=list)  # messages that wait for the event loop
 
     def part(self, kind: type) -> object:
         """This base does all that a part of the robot may do."""
@@ -204,6 +207,9 @@ class MemoryBase:
     def take_odometry(self) -> None:
         while self.waiting:
             self.waiting.pop(0)()
+
+    def take_waiting(self) -> None:
+        self.take_odometry()
 
     def acknowledged_s(self, now_s: float) -> float | None:
         return self.echo_s
@@ -412,7 +418,9 @@ class Bench:
             self.notices.append,
             self.publisher,
             on_news=self._count_news,
+            on_wake=lambda: self.wakes.append(self.now_s),
         )
+        self.wakes: list[float] = []  # when a rest ended
         self.news = 0  # sensor messages while a person had control
         self.seq = 0
         self.stamp_s = 50.0  # stamp of the newest odometry, by the robot's clock

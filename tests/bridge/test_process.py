@@ -44,6 +44,27 @@ async def test_ticks_are_frequent_while_a_stop_is_latched(bridge):
     assert not bridge._wake.is_set(), "a flood of stops costs no ticks"
 
 
+async def test_a_robot_at_rest_under_control_gets_zeros_between_ticks(bridge, monkeypatch):
+    done, core = [], bridge._core
+
+    def beat(_now_s):
+        done.append("beat")
+        if "zero" in done and done[-2] == "tick":
+            bridge._end()
+
+    monkeypatch.setattr(type(core), "rests", True)
+    monkeypatch.setattr(type(core), "in_use", True)
+    monkeypatch.setattr(core, "repeat_zero", lambda *_: done.append("zero"))
+    monkeypatch.setattr(bridge, "_tick", lambda *_: done.append("tick"))
+    monkeypatch.setattr(bridge, "_beat", beat)
+    monkeypatch.setattr(bridge._base.mail, "take_waiting", lambda: done.append("mail"))
+    await asyncio.wait_for(bridge._tick_until_ended(), 30.0)
+    ticks = [done[n + 1] for n, what in enumerate(done) if what in ("tick", "zero")]
+    assert set(ticks) == {"beat"}, "the watchdog hears of each"
+    assert "mail" in done[:3], "messages are taken before the first tick"
+    assert done.count("zero") < 4, "a tick comes every fifth of a second, whatever is late"
+
+
 async def test_command_between_two_pieces_of_work_goes_first(bridge, monkeypatch):
     inbox, done = [], []
 

@@ -32,7 +32,7 @@ CONFIG = structs.replace(CONFIG, ros=Ros2(DOMAIN, "localhost"), topics=TOPICS, s
 
 
 class Core(MagicMock):
-    needs_fresh_sensors = True
+    needs_fresh_sensors, rests = True, False
 
     def ros_status(self, status, now_s):
         tell("status", status.phase, "|", status.text, "|", *status.foreign, "|", *status.problems)

@@ -172,6 +172,11 @@ class Gate:
             self._behind.moved(self._trail.newest, arrival_s)
         return True
 
+    def observe_odometry_alike(self, stamp_s: float, arrival_s: float) -> None:
+        """Take the times of a message that shows the same as the next one: it only tells how late messages come."""
+        if math.isfinite(stamp_s):
+            self.latency.arrived("odometry", stamp_s, arrival_s)
+
     def _follow(self, missing_s: float, pose: Pose, velocity: Velocity, arrival_s: float) -> None:
         """Check whether odometry continues the last one, after `missing_s` without any.
 
@@ -353,6 +358,10 @@ class Gate:
         if self._restarted:  # checked first: this is known only until the stick is in the middle
             return Fault("odometry_anew", "the robot’s odometry restarted", "odometry")
         return self._limits.fault(now_s)
+
+    def hears_all(self, now_s: float) -> bool:
+        """Return whether odometry and all lasers come on time."""
+        return self.fault(now_s) is None and not self._limits.late_lasers(now_s)
 
     def depth_heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
         """Return the lowest and the highest height (m) that the depth camera saw at each of its obstacles.

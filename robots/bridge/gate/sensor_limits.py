@@ -177,15 +177,17 @@ class SensorLimits:
                 speed=abs(slowed.w),
             )
             left = LimitedTwist(slowed, "blind_direction", text, "turn")
-        for laser in self._lasers:
-            age_s = laser.freshness.age_s(now_s) or 0.0
-            share = late_share(age_s)
-            if share < 1.0:
-                slowed = left.velocity.scaled(share)
-                old = say("{sensor} is {age:age} old", sensor=laser.word, age=age_s)
-                text = joined(": ", [words.reduction(left.velocity, slowed), old])
-                left = LimitedTwist(slowed, "scan_late", text)
+        for laser, age_s in self.late_lasers(now_s):
+            slowed = left.velocity.scaled(late_share(age_s))
+            old = say("{sensor} is {age:age} old", sensor=laser.word, age=age_s)
+            text = joined(": ", [words.reduction(left.velocity, slowed), old])
+            left = LimitedTwist(slowed, "scan_late", text)
         return left
+
+    def late_lasers(self, now_s: float) -> list[tuple[Laser, float]]:
+        """Return the lasers whose newest scan slows the robot because of its age, with this age (s)."""
+        ages = [(laser, laser.freshness.age_s(now_s) or 0.0) for laser in self._lasers]
+        return [(laser, age_s) for laser, age_s in ages if age_s > LASER_LATE_S]
 
     def unwatched(self, moving: Velocity, now_s: float) -> SpeedLimit | None:
         """Return the lowest limit for a way that no sensor watches, if this velocity exceeds one; else None.

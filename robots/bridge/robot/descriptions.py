@@ -61,7 +61,7 @@ class Descriptions:
         """
         publishers = {node for name in self._topics for node in system.publishers.get(name, [])}
         seconds = time.monotonic() - self._read_s
-        is_due = seconds >= DESCRIBED_S and not self._reception.core.needs_fresh_sensors
+        is_due = seconds >= DESCRIBED_S and not self._reception.core.in_use
         gap_s = RESTARTED_S if self._fruitless < FRUITLESS else DESCRIBED_S
         if is_due or (publishers != self._publishers_at_last_read and seconds >= gap_s):
             self._described, self._publishers_at_last_read = False, publishers
@@ -81,7 +81,7 @@ class Descriptions:
         except Unreachable:
             description = None  # the next survey asks again, unless one is known and somebody drives
         core = self._reception.core
-        known, drives = self._description is not None, core.needs_fresh_sensors
+        known, drives = self._description is not None, core.in_use
         self._read_s, self._described = time.monotonic(), description is not None or (known and drives)
         waits = description is None or (drives and isinstance(description, str) and len(description) > LARGE)
         if description == self._description or (known and waits):

@@ -15,6 +15,7 @@ from robots.bridge.gate.values import LaserScan
 from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.health.diagnostics import Status
 from robots.bridge.robot.mailboxes import Mailboxes, Speaker
+from robots.bridge.robot.standing import Standing
 from robots.shared.configuration.bridge_config import Topics
 from robots.shared.geometry.poses import Pose, Velocity
 
@@ -36,6 +37,10 @@ class Reception:
         self._charge = BatteryCharge()
         self.moves = True  # by the last odometry
         self.watched = False  # somebody looks at views
+        self.undecoded: list[
+            Call
+        ] = []  # each takes what a sensor keeps undecoded while the robot rests, on the loop
+        self._standing = Standing()
         self.mail = Mailboxes(self.post, lambda: self.core.needs_fresh_sensors, speaker)
         self.core: Core
         self._loop: asyncio.AbstractEventLoop
@@ -57,6 +62,14 @@ class Reception:
         except Exception:  # the decision that needs it must be made
             log.exception("odometry could not be handled")
 
+    def take_waiting(self) -> None:
+        """Handle all that waits for the event loop, on the loop; also what is not decoded yet."""
+        for take in (self.mail.take_waiting, *self.undecoded):
+            try:
+                take()
+            except Exception:  # the decision that needs it must be made
+                log.exception("messages of sensors could not be handled")
+
     # --- on the threads of the side ------------------------------------------------------------------
 
     def restarting(self) -> None:
@@ -75,16 +88,22 @@ class Reception:
         """Take odometry of this run of the robot. It stands for so many messages, of which it is the newest."""
         arrival_s, wall_s = time.monotonic(), time.time()
         self.moves = not all(abs(part) < RESTS for part in velocity)
-        self.mail.post(
-            "odometry",
-            lambda: self.core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run, messages),
-            ODOMETRY_WAITS,
-            can_wait=True,
-        )
+        number = self._standing.next()
+
+        def take() -> None:
+            if self._standing.is_shown_by_newest(number):
+                self.core.odometry_alike(stamp_s, arrival_s)
+            else:
+                self._standing.taken(stamp_s)
+                self.core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run, messages)
+
+        self.mail.post("odometry", take, ODOMETRY_WAITS, can_wait=True)
+        self._standing.waits(stamp_s, run, rests=self.core.rests and not self.moves)
 
     def scan(self, scan: LaserScan) -> None:
-        waits = not (self.watched or self.core.needs_fresh_sensors)
-        thins = waits and not self.moves
+        rests = self.core.rests
+        waits = rests or not (self.watched or self.core.in_use)
+        thins = waits and not (rests or self.moves)
         self.mail.post(
             scan.source,
             lambda: self.core.laser(scan, thins=thins),
@@ -103,11 +122,11 @@ class Reception:
             )
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
-        self.mail.post("depth", lambda: self.core.depth(frame, stamp_s, arrival_s))
+        self.mail.post("depth", lambda: self.core.depth(frame, stamp_s, arrival_s), can_wait=True)
 
     def bad_depth(self, why: str) -> None:
         """Take the reason why a picture cannot be used."""
-        self.mail.post("bad depth", lambda: self.core.bad_depth(why))
+        self.mail.post("bad depth", lambda: self.core.bad_depth(why), can_wait=True)
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
         self.mail.post("posture", lambda: self.core.posture(arm, arrival_s), can_wait=True)

@@ -135,6 +135,9 @@ class RosBase:
     def take_odometry(self) -> None:
         self._reception.take_odometry()
 
+    def take_waiting(self) -> None:
+        self._reception.take_waiting()
+
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return how long (s) the robot's computer takes to acknowledge a twist; None if nothing is new."""
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)

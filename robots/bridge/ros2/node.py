@@ -129,6 +129,9 @@ class RosBase:
     def take_odometry(self) -> None:
         self._reception.take_odometry()
 
+    def take_waiting(self) -> None:
+        self._reception.take_waiting()
+
     def acknowledged_s(self, _now_s: float) -> float | None:
         """Return None: DDS does not tell when the robot's computer got a twist."""
         return None

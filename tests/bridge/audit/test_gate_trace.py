@@ -96,6 +96,7 @@ INPUTS = {
     "observe_odometry": [
         (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf), 3)
     ],
+    "observe_odometry_alike": [(WIDE, 0.1 + 0.2)],
     "observe_scan": [
         (LaserScan(LASER, WIDE, 0.1, ranges, -1.6, 0.1 / 3, 0.05, 25.0), True)
         for ranges in (

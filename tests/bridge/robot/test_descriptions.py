@@ -25,7 +25,7 @@ class Robot:
         self.publishers = {"/tf": ["/state_publisher"], "/joint_states": ["/controllers"], "/chat": ["/a"]}
         self.readings = 0
         self.taken: list[str] = []
-        self.needs_fresh_sensors = False
+        self.in_use = False
         topics = structs.replace(CONFIG.topics, arm=ARM, joint_states=JOINT_STATES)
         reception = Reception(topics)
         reception.core = self
@@ -57,7 +57,7 @@ def robot(monkeypatch):
 def test_a_robot_that_stays_is_asked_seldom_and_handed_on_once(robot):
     robot.surveys(600)
     assert robot.readings <= 12 and len(robot.taken) == 1
-    robot.needs_fresh_sensors = True
+    robot.in_use = True
     before = robot.readings
     robot.surveys(600)
     assert robot.readings == before  # while the control loop runs, no description is parsed
@@ -72,7 +72,7 @@ def test_a_start_that_no_survey_saw_is_found_while_nobody_has_control(robot):
 @pytest.mark.parametrize("topic", ["/tf", "/joint_states", CONFIG.topics.odometry.name])
 def test_nodes_that_come_and_go_lead_to_a_reading_also_in_control(robot, topic):
     robot.surveys(20)
-    robot.needs_fresh_sensors = True
+    robot.in_use = True
     robot.surveys(2, **{topic: []})
     robot.description = without_hand()
     robot.surveys(6, **{topic: ["/another"]})
@@ -102,18 +102,18 @@ def test_a_known_description_stays_while_none_can_be_read(robot, missing):
 
 def test_a_reading_that_fails_in_control_waits_for_its_end(robot):
     robot.surveys(20)
-    robot.needs_fresh_sensors, robot.description = True, Unreachable("no answer")
+    robot.in_use, robot.description = True, Unreachable("no answer")
     before = robot.readings
     robot.surveys(60, **{"/tf": ["/another"]})
     assert robot.readings == before + 1
-    robot.needs_fresh_sensors, robot.description = False, without_hand()
+    robot.in_use, robot.description = False, without_hand()
     robot.surveys(62)
     assert robot.posture._model.lacking == [HAND]
 
 
 def test_restless_nodes_lead_to_few_readings_in_control(robot):
     robot.surveys(20)
-    robot.needs_fresh_sensors = True
+    robot.in_use = True
     before = robot.readings
     for number in range(60):
         robot.surveys(2, **{"/tf": [f"/restless_{number}"]})
@@ -122,10 +122,10 @@ def test_restless_nodes_lead_to_few_readings_in_control(robot):
 
 def test_a_large_new_description_waits_for_the_end_of_control(robot):
     robot.surveys(20)
-    robot.needs_fresh_sensors, robot.description = True, without_hand() + " " * descriptions.LARGE
+    robot.in_use, robot.description = True, without_hand() + " " * descriptions.LARGE
     robot.surveys(60, **{"/tf": ["/another"]})
     assert len(robot.taken) == 1 and robot.posture._model.lacking == []
-    robot.needs_fresh_sensors = False
+    robot.in_use = False
     robot.surveys(62)
     assert robot.posture._model.lacking == [HAND]
 

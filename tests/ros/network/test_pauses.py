@@ -9,6 +9,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from rospy.msg import deserialize_messages
 from std_msgs.msg import String
 
 from robots.bridge.ros.bounds import listening
@@ -78,3 +79,18 @@ def test_after_a_silence_no_message_is_missing(connection, monkeypatch):
     connection.rest()
     assert read(connection, "a", "b", "c") == ["a", "b", "c"]
     assert connection.stands_for == 1
+
+
+def test_a_buffer_that_was_emptied_holds_what_comes_next():
+    buffer, found = listening._Buffer(), []
+    for text in ("a long text", "b"):
+        buffer.write(struct.pack("<II", len(text) + 4, len(text)) + text.encode())
+        buffer.write(b"\x05\x00")  # the begin of the next message
+        deserialize_messages(buffer, found, String)
+        assert buffer.tell() == 2
+        buffer.seek(0)
+    assert [message.data for message in found] == ["a long text", "b"]
+    buffer.write(bytes(listening.KEPT_BYTES + 1))
+    buffer.seek(0)
+    buffer.truncate(0)
+    assert not buffer.getvalue(), "the memory of a huge message is given back"

@@ -33,7 +33,8 @@ class DepthTopics:
         return subscribers
 
     def forget(self) -> None:
-        """Do nothing: no picture is stored."""
+        """Forget the picture that waits."""
+        self._reception.forget()
 
 
 class DepthMessages:

@@ -37,7 +37,8 @@ class DepthTopics:
         return subscriptions
 
     def forget(self) -> None:
-        """Do nothing: no picture is stored."""
+        """Forget the picture that waits."""
+        self._reception.forget()
 
     def _take(self, raw: bytes, _info: Any) -> None:
         self._newest.put(raw)
