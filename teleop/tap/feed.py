@@ -167,13 +167,17 @@ class TapReader:
             self._alarm = asyncio.get_running_loop().call_later(wait_s, look)
 
     async def send_due(self, now_s: float) -> bool:
-        """Send what is due. Return False if the client is behind or limits are reached."""
+        """Send what is due. Return False if the client is behind, or a topic waits for the limits: others go on."""
+        all_sent = True
         for (topic, form), reading in list(self.readings.items()):
             while (due_s := reading.due_s()) is not None and due_s <= now_s:
-                if self.is_behind() or not self.feed.may_send(self, reading.next_size(), now_s):
+                if self.is_behind():
                     return False
+                if not self.feed.may_send(self, reading.next_size(), now_s):
+                    all_sent = False
+                    break
                 await self._deliver(topic, form, reading.pop(now_s))
-        return True
+        return all_sent
 
 
 class TapFeed:

@@ -102,6 +102,16 @@ async def test_readers_get_messages_again_after_a_fault_of_one_of_them(open_read
     assert await other.hears() == {"data": 2}
 
 
+async def test_a_large_message_that_waits_keeps_back_no_other_topic(open_reader, tap, monkeypatch):
+    monkeypatch.setattr(feed, "PERSON_BYTES_PER_S", 1000.0)
+    reader = await open_reader("/large")
+    reader.tap.read("/small", "json")
+    await tap.until(lambda wanted: "/small" in wanted)
+    tap.publish("/large", "x" * 10_000)
+    tap.publish("/small", {"data": 1})
+    assert await reader.hears() == {"data": 1}
+
+
 async def test_the_largest_message_arrives(open_reader, tap):
     reader = await open_reader()
     large = "x" * (wire.LARGEST_BODY - 2)
