@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
@@ -37,13 +40,28 @@ QUIET_S = 0.3  # without a new node: then all have been found
 # The survey tells of QoS that does not fit. rclpy's own handlers fail when a subscription ends on another thread.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
+NO_SERVICES = [Parameter("start_type_description_service", value=False)]  # beside those that Node is asked for
+
 Take = Callable[[bytes, Any], None]
 
 
-class Participant:
-    """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments."""
+class _AllAtOnce(ReentrantCallbackGroup):  # type: ignore[misc]
+    """Lets each callback run: one thread runs them all.
 
-    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = lambda: None) -> None:
+    rclpy's own group lets none run any more once a message could not be taken, and never forgets what was in it.
+    """
+
+    def add_entity(self, entity: Any) -> None:
+        """Do nothing."""
+
+
+class Participant:
+    """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments.
+
+    If its executor fails again and again, the process ends, or does what `on_failed` says.
+    """
+
+    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = partial(os._exit, 1)) -> None:
         self._context = Context()
         self._on_failed = on_failed
         rclpy.init(
@@ -59,7 +77,9 @@ class Participant:
             use_global_arguments=False,
             enable_rosout=False,
             start_parameter_services=False,
+            parameter_overrides=NO_SERVICES,
         )
+        self.node._default_callback_group = _AllAtOnce()
         # The EventsExecutor of Kilted needs less, but hands over one message of a raw subscription and then none.
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -146,6 +166,7 @@ class Participant:
             except ExternalShutdownException:
                 return
             except InvalidHandle:  # another thread ended a subscription while the executor looked at it
+                self._let_all_run()
                 continue
             except MemoryError:
                 end_without_memory()
@@ -155,6 +176,13 @@ class Participant:
             if failures > MOST_FAILURES:
                 self._on_failed()
                 return
+            self._let_all_run()
+
+    def _let_all_run(self) -> None:
+        """Forget which callback failed: the executor takes it for one that still runs, and would never call it again."""
+        node = self.node
+        for each in (*node.subscriptions, *node.clients, *node.services, *node.timers, *node.waitables):
+            each._executor_event = False
 
 
 class Subscription:

@@ -47,7 +47,6 @@ class RawTopics:
         self._participant = Participant(
             f"{name.strip('/')}_{os.getpid()}",
             ros2(config.ros).domain_id,
-            on_failed=lambda: os._exit(1),  # the bridge starts another process
         )
         self._lock = threading.Lock()
         self._topics: list[RawTopic] = []

@@ -62,3 +62,19 @@ def test_a_process_gets_no_memory_beyond_its_ceiling():
     )
     assert ended.returncode == 1
     assert 5 < int(ended.stderr.removeprefix("full at ")) < 25
+
+
+IGNORING = """
+import signal
+from robots.shared.processes.memory import end_without_memory
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+end_without_memory()
+print("goes on")
+"""
+
+
+def test_a_process_that_ignores_the_end_signal_ends_without_memory():
+    ended = subprocess.run(
+        [sys.executable, "-c", IGNORING], cwd=REPOSITORY, env=dict(os.environ), capture_output=True, text=True
+    )
+    assert (ended.returncode, ended.stdout) == (1, "")

@@ -1,0 +1,15 @@
+"""A process in a domain: what strangers can do to it."""
+
+from tests.ros2.side import Side, needs_rclpy
+
+pytestmark = needs_rclpy
+
+
+def test_an_unreadable_answer_makes_nothing_else_unheard(domain: int) -> None:
+    side = Side("tests.ros2.participant_side", domain)
+    try:
+        assert side.await_line("heard") == ["heard", "True"]
+        assert side.await_line("answered") == ["answered", "True"]
+        assert side.await_line("services") == ["services", "/list"]  # none that a stranger could call
+    finally:
+        side.close()
