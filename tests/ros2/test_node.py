@@ -75,8 +75,9 @@ def test_another_run_of_the_robot_is_another_run(domain: int, bridge: Side, robo
 
 
 def test_only_one_bridge_drives_a_robot(domain: int, bridge: Side, robot: Side, tmp_path: Path) -> None:
+    """The other one is of a copy of the console: it has the same names for all."""
     bridge.await_line("listened")
-    second = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path / "another"))
+    second = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path))
     try:
         assert "drives this robot" in " ".join(
             second.await_line("status", lambda words: words[1] == "refused")

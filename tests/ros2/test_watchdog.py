@@ -1,23 +1,26 @@
 """The watchdog of a ROS 2 robot, a process of its own, with no bridge beside it."""
 
+import json
 import socket
 import uuid
 from pathlib import Path
 
 import msgspec
+import pytest
 
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from tests.processes import until
-from tests.ros2.side import Side, needs_rclpy
+from tests.ros2.side import PATIENCE_S, Side, needs_rclpy
 
 pytestmark = needs_rclpy
 
 
-def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, tmp_path: Path) -> None:
-    config = WatchdogConfig(
+@pytest.fixture
+def config(domain: int, tmp_path: Path) -> WatchdogConfig:
+    return WatchdogConfig(
         robot_id=uuid.uuid4(),
         slug="tiago",
         ros=Ros2(domain, "localhost"),
@@ -27,6 +30,9 @@ def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, tmp_path: Pat
         lane=str(tmp_path / "lane"),
         state_dir=str(tmp_path),
     )
+
+
+def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, config: WatchdogConfig) -> None:
     robot = Side("tests.ros2.robot_side", domain)
     watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())
     try:
@@ -39,3 +45,28 @@ def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, tmp_path: Pat
     finally:
         watchdog.close()
         robot.close()
+
+
+def test_a_stop_is_confirmed_when_the_robot_gets_it_not_the_tap(domain: int, config: WatchdogConfig) -> None:
+    tap = Side("tests.ros2.visitor", domain, str(domain), "fleet_tap_1")
+    watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())
+    try:
+        tap.say(json.dumps({"listen": "/key_vel", "kind": "geometry_msgs/Twist"}))
+        until(Path(config.lane).exists, "the watchdog listens")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
+            lane.connect(config.lane)
+            lane.send(wire.encode(wire.LinkStop("ann", press=uuid.uuid4())))
+            for _ in range(3):
+                tap.await_line("/key_vel")
+            with pytest.raises(BlockingIOError):
+                lane.recv(1 << 16, socket.MSG_DONTWAIT)
+            robot = Side("tests.ros2.robot_side", domain)
+            try:
+                robot.await_line("twist")
+                lane.settimeout(PATIENCE_S)
+                assert b"stopped" in lane.recv(1 << 16)
+            finally:
+                robot.close()
+    finally:
+        watchdog.close()
+        tap.close()

@@ -60,7 +60,7 @@ def filled(message: Any, fields: dict[str, Any]) -> Any:
 class Visitor:
     def __init__(self) -> None:
         rclpy.init()
-        self.node = rclpy.create_node("visitor")
+        self.node = rclpy.create_node(sys.argv[2] if len(sys.argv) > 2 else "visitor")
         self._publishers: dict[str, Any] = {}
         self._actions: dict[str, ActionClient] = {}
 

@@ -33,7 +33,7 @@ from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
-from robots.bridge.ros2.network.survey import is_there, own_listeners, problems
+from robots.bridge.ros2.network.survey import Listeners, is_there, problems
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
@@ -70,7 +70,6 @@ class RosBase:
         self._ros = ros2(config.ros)
         self._drives: dict[str, Any] = {}  # by topic: the default and a chosen one
         self._cancels: list[Any] = []
-        self._own_listeners = 0  # of the drive topic: the console's own processes
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
         self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
@@ -89,6 +88,7 @@ class RosBase:
         self.participant: Participant
         self.graph: Graph
         self._presence: Presence
+        self._listeners: Listeners
         self._sensors: SensorTopics
         self._description: DescriptionTopic
         self._descriptions: Descriptions
@@ -155,7 +155,7 @@ class RosBase:
         """Return the number of the robot's nodes that listen to the drive topic."""
         drive = self._drive
         try:
-            return max(drive.get_subscription_count() - self._own_listeners, 0) if drive is not None else 0
+            return self._listeners.of(self._inputs.drive, drive) if drive is not None else 0
         except InvalidHandle:  # its topic is being closed
             return 0
 
@@ -193,11 +193,11 @@ class RosBase:
     def stop(self) -> None:
         """Publish zero and leave the domain."""
         self._monitor.close()
-        if self._drive is None:
-            return
-        self.publish(STILL)
-        time.sleep(FLUSH_S)  # the zero leaves before the participant does
-        self.participant.close(LEAVE_S)
+        if self._drive is not None:
+            self.publish(STILL)
+            time.sleep(FLUSH_S)  # the zero leaves before the participant does
+        if participant := getattr(self, "participant", None):
+            participant.close(LEAVE_S)
 
     # --- called by the domain monitor (domain_monitor.Node) ------------------------------------------
 
@@ -208,9 +208,9 @@ class RosBase:
             BRIDGE.strip("/"), self._ros.domain_id, lambda: self.lost(name_taken=False)
         )
         self.graph = Graph(participant.node)
+        self._listeners = Listeners(Graph(participant.node), config.topics.drive)
         self.parameters = NodeParameters(participant)
-        place = f"{socket.gethostname()}:{config.state_dir}:{config.robot_id}"
-        self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", place, socket.gethostname())
+        self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", socket.gethostname())
         self._description = DescriptionTopic(participant, self.graph, f"{namespace}/robot_description")
         self._descriptions = Descriptions(
             config.topics, self._description.read, self.posture, reception, f"{namespace}/tf"
@@ -260,7 +260,6 @@ class RosBase:
             return
         if not self.holds:
             return
-        self._own_listeners = own_listeners(self.graph, drive)
         system = self._system()
         self._surveys.surveyed(system, drive, self._problems(drive))
         self._reception.follow_clock(bool(system.publishers.get(CLOCK)))

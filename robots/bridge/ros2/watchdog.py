@@ -12,6 +12,8 @@ from action_msgs.srv import CancelGoal
 from rclpy.exceptions import InvalidHandle
 
 from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.network.survey import Listeners
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.robot_ros import ros2
@@ -38,6 +40,7 @@ class WatchdogNode:
         self._wanted = {config.drive.name}
         self._drives: dict[str, Any] = {}
         self._cancels: list[Any] = []
+        self._listeners: Listeners
         self._news = threading.Event()
         self._ending = False
 
@@ -58,10 +61,10 @@ class WatchdogNode:
     def zero(self) -> int:
         """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
         reached = 0
-        for publisher in list(self._drives.values()):
+        for name, publisher in list(self._drives.items()):
             try:
                 publisher.publish(twist_of(STILL, publisher.msg_type))
-                reached += publisher.get_subscription_count()
+                reached += self._listeners.of(name, publisher)
             except InvalidHandle as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)
         return reached
@@ -84,6 +87,7 @@ class WatchdogNode:
             self._participant = participant = Participant(
                 self._config.node.strip("/"), ros2(self._config.ros).domain_id
             )
+            self._listeners = Listeners(Graph(participant.node), self._config.drive)
             self._cancels = [
                 participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
                 for action in self._config.actions

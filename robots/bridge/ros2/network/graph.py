@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -26,6 +27,7 @@ class Graph:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._unnamed_s: dict[bytes, float] = {}  # since when an endpoint has no name
+        self._lock = threading.Lock()
 
     def system(self, names: Iterable[str]) -> SystemState:
         """Return types of all topics; the nodes of these topics, and of those with velocities.
@@ -48,17 +50,32 @@ class Graph:
             elif sending or hearing:
                 types[name] = _type_of(sending + hearing)
         is_cut = len(topics) > MOST_TOPICS or len(looked_up) > MOST_LOOKED_UP
+        is_cut |= any(map(self._is_crowded, looked_up[:MOST_LOOKED_UP]))
         return SystemState(publishers, subscribers, types, {}, is_cut)
 
     def publishers(self, topic: str) -> list[TopicEndpointInfo]:
         """Return the publishers of a topic; none if there are too many to look at."""
-        few = self._node.count_publishers(topic) <= MOST_NODES
-        return self._known(self._node.get_publishers_info_by_topic(topic)) if few else []
+        if self._node.count_publishers(topic) > MOST_NODES:
+            return []
+        return self._known(self._node.get_publishers_info_by_topic(topic))
 
     def subscribers(self, topic: str) -> list[TopicEndpointInfo]:
         """Return the subscribers of a topic; none if there are too many to look at."""
-        few = self._node.count_subscribers(topic) <= MOST_NODES
-        return self._known(self._node.get_subscriptions_info_by_topic(topic)) if few else []
+        if self._node.count_subscribers(topic) > MOST_NODES:
+            return []
+        return self._known(self._node.get_subscriptions_info_by_topic(topic))
+
+    def listeners(self, topic: str, kind: str) -> tuple[list[TopicEndpointInfo], int]:
+        """Return the subscribers of a topic with this type, and how many more are too new to have a node's name."""
+        if self._node.count_subscribers(topic) > MOST_NODES:
+            return [], 0
+        found = self._node.get_subscriptions_info_by_topic(topic)
+        fitting = [one for one in found if one.topic_type == kind]
+        known = self._known(fitting)
+        return known, len(fitting) - len(known)
+
+    def _is_crowded(self, topic: str) -> bool:
+        return max(self._node.count_publishers(topic), self._node.count_subscribers(topic)) > MOST_NODES
 
     def _known(self, endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
         """Leave out those that are so new that their node's name is not known: it may be one of the console's own."""
@@ -66,9 +83,10 @@ class Graph:
 
     def _stays_unnamed(self, endpoint: TopicEndpointInfo) -> bool:
         now_s = time.monotonic()
-        while len(self._unnamed_s) > MOST_UNNAMED:
-            del self._unnamed_s[next(iter(self._unnamed_s))]
-        return now_s - self._unnamed_s.setdefault(bytes(endpoint.endpoint_gid), now_s) >= NAMED_S
+        with self._lock:
+            while len(self._unnamed_s) > MOST_UNNAMED:
+                del self._unnamed_s[next(iter(self._unnamed_s))]
+            return now_s - self._unnamed_s.setdefault(bytes(endpoint.endpoint_gid), now_s) >= NAMED_S
 
 
 def node_name(endpoint: TopicEndpointInfo) -> str:

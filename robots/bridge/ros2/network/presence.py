@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from typing import Any
+from uuid import uuid4
 
 import msgspec
 from msgspec import Struct
@@ -33,9 +34,9 @@ QOS = QoSProfile(
 
 
 class Word(Struct, frozen=True):
-    """What a bridge says. `place`: its computer and state folder, which only one bridge at a time may use."""
+    """What a bridge says. `process`: an id of its own, since copies of a console have the same names for all."""
 
-    place: str
+    process: str
     host: str
     since_ns: int  # time of day when it took the robot
 
@@ -43,11 +44,11 @@ class Word(Struct, frozen=True):
 class Presence:
     """This bridge among others. Words come on the executor's thread."""
 
-    def __init__(self, participant: Participant, topic: str, place: str, host: str) -> None:
-        self._place, self._host = place, host
+    def __init__(self, participant: Participant, topic: str, host: str) -> None:
+        self._process, self._host = uuid4().hex, host
         self._began_s: float | None = None  # since when the robot is there
         self._since_ns: int | None = None  # None: it does not drive yet
-        self._others: OrderedDict[str, tuple[Word, float]] = OrderedDict()  # by place; when it spoke last
+        self._others: OrderedDict[str, tuple[Word, float]] = OrderedDict()  # by process; when it spoke last
         self._publisher = participant.node.create_publisher(String, topic, QOS)
         participant.listen(topic, "std_msgs/msg/String", self._hear, QOS)
 
@@ -66,23 +67,23 @@ class Presence:
         if self._since_ns is None and self._began_s and now_s - self._began_s >= LISTENS_S:
             self._since_ns = time.time_ns()
         if self._since_ns is not None:
-            word = Word(self._place, self._host, self._since_ns)
+            word = Word(self._process, self._host, self._since_ns)
             self._publisher.publish(String(data=msgspec.json.encode(word).decode()))
         return None
 
     def _is_before(self, other: Word) -> bool:
-        return (other.since_ns, other.place) < (self._since_ns, self._place)
+        return (other.since_ns, other.process) < (self._since_ns, self._process)
 
     def _first_other(self, now_s: float) -> Word | None:
         words = [word for word, heard_s in list(self._others.values()) if now_s - heard_s < SILENT_S]
-        return min(words, key=lambda word: (word.since_ns, word.place), default=None)
+        return min(words, key=lambda word: (word.since_ns, word.process), default=None)
 
     def _hear(self, raw: bytes, _info: Any) -> None:
         message = Cdr(raw)
         word = msgspec.json.decode(bytes(message.data(message.number())).rstrip(b"\0"), type=Word)
-        if word.place != self._place:  # an earlier process of this bridge has ended: its lock is ours
-            word = Word(cut(word.place, TITLE), cut(word.host, TITLE), word.since_ns)
-            self._others[word.place] = word, time.monotonic()
-            self._others.move_to_end(word.place)
+        if word.process != self._process:
+            word = Word(cut(word.process, TITLE), cut(word.host, TITLE), word.since_ns)
+            self._others[word.process] = word, time.monotonic()
+            self._others.move_to_end(word.process)
             while len(self._others) > MOST_OTHERS:
                 self._others.popitem(last=False)

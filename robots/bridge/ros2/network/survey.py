@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+import math
+import time
+from typing import Any
+
 from rclpy.qos import DurabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robots.bridge.ros2.network.graph import Graph, node_name
-from robots.shared.configuration.bridge_config import Topics
+from robots.shared.configuration.bridge_config import Topic, Topics
 from robots.shared.graph import is_own
 from robots.shared.sentences import say
+
+log = logging.getLogger(__name__)
+
+LOOK_S, SOON_S = 1.0, 0.03  # between two looks at listeners whose number stays; changes
 
 
 def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
@@ -29,10 +38,33 @@ def problems(graph: Graph, drive: str) -> list[str]:
     ]
 
 
-def own_listeners(graph: Graph, topic: str) -> int:
-    """Return how many of the console's own processes listen to a topic: they do not move."""
-    return sum(is_own(node_name(one)) for one in graph.subscribers(topic))
-
-
 def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
     return [one for one in endpoints if not is_own(node_name(one))]
+
+
+class Listeners:
+    """How many of the robot's nodes listen to a drive topic: the console's own processes do not move. For one thread."""
+
+    def __init__(self, graph: Graph, drive: Topic) -> None:
+        self._graph, self._kind = graph, drive.type
+        # By topic: all listeners, when they were looked at (s), those of the robot
+        self._looked: dict[str, tuple[int, float, int]] = {}
+
+    def of(self, topic: str, publisher: Any) -> int:
+        """Return the number of the listeners that are connected with a publisher of this topic."""
+        count, now_s = publisher.get_subscription_count(), time.monotonic()
+        before, looked_s, robots = self._looked.get(topic, (-1, -math.inf, 0))
+        if now_s - looked_s >= (LOOK_S if count == before else SOON_S):
+            own, new = self._own(topic)
+            robots = max(count - own, 0)
+            self._looked[topic] = -1 if new else count, now_s, robots
+        return min(robots, count)
+
+    def _own(self, topic: str) -> tuple[int, int]:
+        """Return how many may be the console's own, and how many of these are too new to be known."""
+        try:
+            known, new = self._graph.listeners(topic, self._kind)
+        except Exception:  # what strangers call their nodes; a zero or a twist must go out all the same
+            log.exception("who listens to %s cannot be read", topic)
+            return 0, 0
+        return new + sum(is_own(node_name(one)) for one in known), new
