@@ -6,9 +6,11 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from robots.shared.sentences import say
+
 
 class TypeUnknown(Exception):
-    """The package of a type is not on this computer, or has no such type."""
+    """The package of a type is not on this computer, or has no such type: a sentence says so."""
 
 
 @cache
@@ -19,5 +21,5 @@ def message_class(name: str) -> type[Any]:
     try:
         found: type[Any] = getattr(import_module(f"{package}.{folder or 'msg'}"), kind)
     except (ImportError, AttributeError) as error:
-        raise TypeUnknown(name) from error
+        raise TypeUnknown(say("No installed package has the type {type}.", type=name)) from error
     return found

@@ -15,13 +15,13 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name
-from robots.bridge.ros2.participant import NO_EVENTS, Participant
+from robots.bridge.ros2.participant import NO_EVENTS, Participant, guarded
 from robots.bridge.ros2.qos import kept
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.side import Received, Talker
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.definition import Definition
-from robots.shared.sentences import say
+from robots.shared.sentences import reason_of
 from robots.shared.wire import Refusal
 
 QUEUE = 20  # messages that wait for the executor: they are counted
@@ -97,11 +97,10 @@ class Source:
         self._refusal = None
         try:
             kind = message_class(type_name)
-        except TypeUnknown:
-            text = say("No installed package has the type {type}.", type=type_name)
-            self._refusal = Refusal("type_unknown", text, "robot", {"type": type_name})
+        except TypeUnknown as error:
+            self._refusal = Refusal("type_unknown", reason_of(error), "robot", {"type": type_name})
             return
-        receive = partial(self._receive, type_name)
+        receive = guarded(partial(self._receive, type_name))
         self._subscription = self._node.create_subscription(
             kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
         )
@@ -126,8 +125,7 @@ class Writer:
         try:
             kind = message_class(definition.type)
         except TypeUnknown as error:
-            text = say("No installed package has the type {type}.", type=definition.type)
-            raise declined.unknown_type(definition.type, text) from error
+            raise declined.unknown_type(definition.type, reason_of(error)) from error
         self._publisher = node.create_publisher(
             kind, topic, profile, event_callbacks=PublisherEventCallbacks(use_default_callbacks=False)
         )

@@ -13,7 +13,7 @@ from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.side import Service
 from robots.shared.messages.definition import Definition
-from robots.shared.sentences import say
+from robots.shared.sentences import reason_of, say
 from robots.shared.texts import NAME, cut
 
 CALL_S = 1.5  # until a service must have answered
@@ -39,7 +39,7 @@ def exchange(
     try:
         kind = message_class(service.type)
     except TypeUnknown as error:
-        raise declined.unknown_type(service.type, _not_installed(service.type)) from error
+        raise declined.unknown_type(service.type, reason_of(error)) from error
     client, answered = node.create_client(kind, service.name), threading.Event()
     try:
         if not client.wait_for_service(CALL_S):
@@ -55,7 +55,3 @@ def exchange(
     if len(data) > largest:
         raise declined.lost(service.name, say("its answer has {count} bytes", count=len(data)))
     return data
-
-
-def _not_installed(type_name: str) -> str:
-    return say("No installed package has the type {type}.", type=type_name)

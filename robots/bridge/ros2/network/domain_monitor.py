@@ -8,7 +8,8 @@ import time
 from typing import Protocol
 
 from robots.bridge.robot_reports import RosStatus
-from robots.shared.sentences import say
+from robots.bridge.ros2.message_types import TypeUnknown
+from robots.shared.sentences import reason_of, say
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +41,7 @@ class Node(Protocol):
         """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
-        """Handle the loss of the robot: another bridge has it, or `join` failed. A new process must follow."""
+        """Handle the loss of the robot: another bridge has it, or `join` or `hold` failed. A new process must follow."""
 
 
 class DomainMonitor:
@@ -72,8 +73,7 @@ class DomainMonitor:
         try:
             self._node.join()
         except Exception as error:
-            log.exception("joining the robot's domain failed")
-            self._lose(say("The bridge could not join the robot ({error}).", error=error), name_taken=False)
+            self._cannot_join(error)
             return
         while not self._ending:
             try:
@@ -102,12 +102,25 @@ class DomainMonitor:
             self._node.report(RosStatus("refused", text))
             return True
         if self._node.holds and not self._held:
-            self._node.hold()
+            try:
+                self._node.hold()
+            except Exception as error:
+                self._cannot_join(error)
+                return False
             self._held = True
         if time.monotonic() - self._surveyed_s >= SURVEY_S:
             self._surveyed_s = time.monotonic()
             self._node.survey()
         return True
+
+    def _cannot_join(self, error: Exception) -> None:
+        """Give up: nobody may drive half a robot."""
+        log.error("joining the robot's domain failed", exc_info=error)
+        if isinstance(error, TypeUnknown):
+            text = reason_of(error)
+        else:
+            text = say("The bridge could not join the robot ({error}).", error=error)
+        self._lose(text, name_taken=False)
 
     def _lose(self, text: str, name_taken: bool) -> None:
         if not self._ending:

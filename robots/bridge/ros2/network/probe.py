@@ -26,6 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from robots.bridge.robot.described import described
+from robots.bridge.ros2.participant import guarded
 from robots.bridge.ros2.qos import kept
 from robots.shared import wire
 from robots.shared.configuration.robot_ros import Ros2, ros2
@@ -189,7 +190,7 @@ class _Heard:
         self.done = kind is None or listened.type not in types
         if not self.done:
             offered = kept(one.qos_profile for one in self._publishers)
-            node.create_subscription(kind, listened.topic, self._take, offered, raw=True)
+            node.create_subscription(kind, listened.topic, guarded(self._take), offered, raw=True)
 
     def _take(self, raw: bytes) -> None:
         self._messages, self.last = self._messages + 1, raw
