@@ -69,7 +69,7 @@ def _given(script: str) -> dict[str, str] | Unready:
     pairs = (line.partition("=") for line in done.stdout.decode(errors="replace").split("\0") if line)
     found = {name: value for name, _, value in pairs}
     changed = {name: value for name, value in found.items() if os.environ.get(name) != value}
-    return _fault(script, changed) or {name: value for name, value in changed.items() if name not in _OWN}
+    return _fault(script, found) or {name: value for name, value in changed.items() if name not in _OWN}
 
 
 def _fault(script: str, found: dict[str, str]) -> Unready | None:

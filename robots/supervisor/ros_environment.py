@@ -89,6 +89,7 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
         environment = distribution.variables(ros.setup)
     elif wheels.READY.is_file():
         environment = wheels.ros_environment([wheels.MESSAGES, wheels.WHEELS])
+        environment["PYTHONPATH"] = _without_ros(os.environ.get("PYTHONPATH", ""))
     else:
         raise RclpyMissing
     # Files of dead processes and of other people in shared memory would stand in the way.
@@ -99,3 +100,11 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
         return environment | {"ROS_DISCOVERY_SERVER": ros.discovery_server, "ROS_SUPER_CLIENT": "TRUE"}
     peers = ";".join(ros.static_peers)
     return environment | wheels.domain_environment(ros.domain_id, ros.discovery.upper(), peers)
+
+
+def _without_ros(paths: str) -> str:
+    """Leave out the folders of a distribution that somebody's shell has set up: Python would import its packages."""
+    folders = paths.split(os.pathsep)
+    return os.pathsep.join(
+        one for one in folders if not any((Path(one) / name).is_dir() for name in ("rclpy", "std_msgs"))
+    )

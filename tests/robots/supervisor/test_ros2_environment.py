@@ -50,6 +50,14 @@ def test_with_a_discovery_server_nothing_is_searched(installed) -> None:
     assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
 
 
+def test_packages_of_a_shell_do_not_come_before_the_console_s_own(installed, tmp_path: Path, monkeypatch) -> None:
+    sourced, mine = tmp_path / "humble", tmp_path / "mine"
+    for folder in (sourced / "std_msgs", mine):
+        folder.mkdir(parents=True)
+    monkeypatch.setenv("PYTHONPATH", f"{sourced}:{mine}")
+    assert environment_of(Ros2())["PYTHONPATH"] == str(mine)
+
+
 def test_without_rclpy_the_robot_says_what_to_install(installed) -> None:
     wheels.READY.unlink()
     with pytest.raises(Unready, match="not installed on its bridge’s computer: script/setup ros2"):
@@ -75,6 +83,13 @@ def test_the_set_up_script_of_a_distribution_runs_once(tmp_path: Path) -> None:
     os.utime(script, ns=(1, 1))
     environment_of(Ros2(7, setup=script))
     assert (tmp_path / "runs").read_text() == "run\nrun\n"
+
+
+def test_a_script_may_have_run_in_this_shell_before(tmp_path: Path, monkeypatch) -> None:
+    script = distribution(tmp_path)
+    packages = tmp_path / "lib" / wheels.VERSION / "site-packages"
+    monkeypatch.setenv("PYTHONPATH", str(packages))
+    assert environment_of(Ros2(setup=script))["PYTHONPATH"] == str(packages)
 
 
 @pytest.mark.parametrize(
