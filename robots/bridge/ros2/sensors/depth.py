@@ -10,7 +10,7 @@ from typing import Any
 from robots.bridge.gate.sensing.depth import Cloud, DepthImage, Lens
 from robots.bridge.robot.sensors.depth import DepthReception, Unreadable
 from robots.bridge.ros2.network.graph import Graph
-from robots.bridge.ros2.participant import Participant, Subscription
+from robots.bridge.ros2.participant import Participant, Subscription, guarded
 from robots.bridge.ros2.qos import pictures as pictures_qos
 from robots.bridge.ros2.qos import sensor
 from robots.bridge.ros2.sensors import pictures
@@ -25,7 +25,7 @@ class DepthTopics:
     ) -> None:
         self._participant, self._graph = participant, graph
         self._source, self._reception = source, reception
-        self._newest = _Newest(reception.receive)
+        self._newest = _Newest(guarded(reception.receive))  # no picture may end its thread
 
     def listen(self) -> list[Subscription]:
         """Subscribe."""
