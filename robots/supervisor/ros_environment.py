@@ -25,6 +25,8 @@ LIBRARY = "nss_wrapper"
 ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}  # each of 50 threads would keep memory of its own
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+# With ROS's own OFF, static peers are ignored.
+SEARCHED = {"subnet": "SUBNET", "localhost": "LOCALHOST", "off": "LOCALHOST"}
 # The console's own, of a shell: a robot's entry alone says how it is reached.
 NOT_INHERITED = {
     *("ROS_IP", "ROS_HOSTNAME", "ROS_MASTER_URI"),
@@ -99,7 +101,7 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
         # Without the second, the server tells a node only of nodes that have its topics.
         return environment | {"ROS_DISCOVERY_SERVER": ros.discovery_server, "ROS_SUPER_CLIENT": "TRUE"}
     peers = ";".join(ros.static_peers)
-    return environment | wheels.domain_environment(ros.domain_id, ros.discovery.upper(), peers)
+    return environment | wheels.domain_environment(ros.domain_id, SEARCHED[ros.discovery], peers)
 
 
 def _without_ros(paths: str) -> str:

@@ -37,7 +37,7 @@ def test_a_robot_is_reached_by_its_own_domain_and_no_other(installed, monkeypatc
     assert {name: value for name, value in found.items() if name.startswith(("ROS_", "FASTDDS_"))} == {
         "ROS_HOME": f"{CONFIG.state_dir}/ros",
         "ROS_DOMAIN_ID": "7",
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_STATIC_PEERS": "10.68.0.1;tiago-42c",
         "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
     }

@@ -70,9 +70,11 @@ def _plain(value: Any) -> Any:
 
 def _motion(table: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of one motion in the form of ROS 1."""
-    joints, positions = table.get("joints", []), table.get("positions", [])
-    width = len(joints) if isinstance(joints, list) else 0
-    times = table.get("times_from_start", [])
+    joints, positions, times = (
+        found if isinstance(found := table.get(name), list) else []
+        for name in ("joints", "positions", "times_from_start")
+    )
+    width = len(joints)
     points = [
         {"positions": positions[at * width : (at + 1) * width], "time_from_start": time}
         for at, time in enumerate(times)
