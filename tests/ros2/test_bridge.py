@@ -9,7 +9,13 @@ import msgspec
 import pytest
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import DepthSource, LimbSource, NavigationSource, Topic
+from robots.shared.configuration.bridge_config import (
+    BridgeConfig,
+    DepthSource,
+    LimbSource,
+    NavigationSource,
+    Topic,
+)
 from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.configuration.watchdog_config import watchdog_config
@@ -17,6 +23,7 @@ from tests.processes import until
 from tests.ros.bridge_support import Hand, drivable, tiago_config
 from tests.ros.navigation.conftest import FAR, Traveller
 from tests.ros2.side import Side, needs_rclpy
+from tests.ros2.test_simulator import Visitor
 
 DEPTH = DepthSource(
     "/xtion/depth_registered/image_raw",
@@ -38,7 +45,7 @@ def robot(domain: int):
 
 
 @pytest.fixture
-def hand(domain: int, tmp_path: Path):
+def config(domain: int, tmp_path: Path) -> BridgeConfig:
     topics: dict[str, Any] = {
         "drive": Topic("/key_vel", "geometry_msgs/msg/Twist"),
         "odometry": Topic("/mobile_base_controller/odom", "nav_msgs/msg/Odometry"),
@@ -68,17 +75,26 @@ def hand(domain: int, tmp_path: Path):
     }
     nowhere: Any = SimpleNamespace(uri="")
     gate = {"depth": DepthView(DEPTH.height_m, DEPTH.own_m)}
-    config = tiago_config(nowhere, tmp_path, ros=Ros2(domain, "localhost"), topics=topics, gate=gate)
+    return tiago_config(nowhere, tmp_path, ros=Ros2(domain, "localhost"), topics=topics, gate=gate)
+
+
+@pytest.fixture
+def bridge(domain: int, config: BridgeConfig, tmp_path: Path):
     file = tmp_path / "config"
     file.write_bytes(msgspec.json.encode(config))
     watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(watchdog_config(config)).decode())
     bridge = Side("tests.ros.bridge_process", domain, str(file), str(tmp_path / "records"))
+    yield bridge
+    bridge.close()
+    watchdog.close()
+
+
+@pytest.fixture
+def hand(config: BridgeConfig, bridge: Side):
     assert config.link.unix_path is not None
     until(Path(config.link.unix_path).exists, "the bridge listens")
     with closing(Hand(config.link.unix_path)) as hand:
         yield hand
-    bridge.close()
-    watchdog.close()
 
 
 def test_a_person_drives_it_until_a_stop(hand: Hand) -> None:
@@ -122,3 +138,18 @@ def test_it_goes_to_a_place_until_a_stop(hand: Hand) -> None:
     traveller.until(lambda state: state.going and state.odometry.x > begin.x + 0.3, "a drive by navigation")
     hand.send(wire.LinkStop("ann", "enough"))
     hand.state_until(lambda state: state.going_ended and state.odometry.vx == 0.0, "the end of the drive")
+
+
+def test_the_watchdog_stops_a_robot_whose_bridge_is_killed(domain: int, hand: Hand, bridge: Side) -> None:
+    hand.state_until(drivable, "a robot that can be driven")
+    hand.take_control(1)
+    visitor = Visitor("tests.ros2.visitor", domain)
+    try:
+        visitor.ask(listen="/key_vel", kind="geometry_msgs/Twist")
+        visitor.hear("/key_vel")
+        hand.drive_until(0.5, lambda state: state.odometry.vx > 0.1, "motion")
+        bridge.process.kill()
+        visitor.hear("/key_vel", lambda twist: twist["linear"]["x"] > 0.0)
+        visitor.hear("/key_vel", lambda twist: twist["linear"]["x"] == 0.0)
+    finally:
+        visitor.close()
