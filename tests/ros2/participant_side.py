@@ -31,7 +31,10 @@ def main() -> None:
     SingleThreadedExecutor._take_client = fail_once
     participant.listen("/words", "std_msgs/msg/String", lambda raw, info: heard.set(), EVENTS)
     node.create_service(ListParameters, "/list", lambda request, answer: answer)
-    words, client = node.create_publisher(String, "/words", EVENTS), node.create_client(ListParameters, "/list")
+    words, client = (
+        node.create_publisher(String, "/words", EVENTS),
+        node.create_client(ListParameters, "/list"),
+    )
     participant.start()
     assert client.wait_for_service(PATIENCE_S)
     client.call_async(ListParameters.Request())

@@ -33,7 +33,7 @@ class Node:
         self.ended.set()
 
 
-def test_a_robot_with_a_missing_package_is_given_up_not_driven_by_half() -> None:
+def test_a_robot_with_a_missing_package_is_given_up() -> None:
     node = Node()
     monitor = DomainMonitor(node)
     monitor.start()

@@ -40,7 +40,10 @@ QUIET_S = 0.3  # without a new node: then all have been found
 # The survey tells of QoS that does not fit. rclpy's own handlers fail when a subscription ends on another thread.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
-NO_SERVICES = [Parameter("start_type_description_service", value=False)]  # beside those that Node is asked for
+NO_SERVICES = [
+    Parameter("start_type_description_service", value=False)
+]  # beside those that Node is asked for
+_END = partial(os._exit, 1)  # a process that hears nothing more must not seem to live
 
 Take = Callable[[bytes, Any], None]
 
@@ -61,7 +64,7 @@ class Participant:
     If its executor fails again and again, the process ends, or does what `on_failed` says.
     """
 
-    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = partial(os._exit, 1)) -> None:
+    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = _END) -> None:
         self._context = Context()
         self._on_failed = on_failed
         rclpy.init(
@@ -179,7 +182,7 @@ class Participant:
             self._let_all_run()
 
     def _let_all_run(self) -> None:
-        """Forget which callback failed: the executor takes it for one that still runs, and would never call it again."""
+        """Forget which callback failed: for the executor it still runs, so it would never be called again."""
         node = self.node
         for each in (*node.subscriptions, *node.clients, *node.services, *node.timers, *node.waitables):
             each._executor_event = False

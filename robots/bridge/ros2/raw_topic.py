@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import threading
 import time
@@ -28,8 +27,6 @@ from robots.shared.processes.vital import start_vital
 from robots.shared.sentences import say
 from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal
-
-log = logging.getLogger(__name__)
 
 MOST_BYTES = 32 * MB  # of a message
 MOST_STAYING = 64  # messages of publishers that keep theirs: each has its own

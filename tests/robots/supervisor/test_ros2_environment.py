@@ -50,7 +50,9 @@ def test_with_a_discovery_server_nothing_is_searched(installed) -> None:
     assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
 
 
-def test_packages_of_a_shell_do_not_come_before_the_console_s_own(installed, tmp_path: Path, monkeypatch) -> None:
+def test_packages_of_a_shell_do_not_come_before_the_console_s_own(
+    installed, tmp_path: Path, monkeypatch
+) -> None:
     sourced, mine = tmp_path / "humble", tmp_path / "mine"
     for folder in (sourced / "std_msgs", mine):
         folder.mkdir(parents=True)

@@ -41,7 +41,7 @@ class Node(Protocol):
         """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
-        """Handle the loss of the robot: another bridge has it, or `join` or `hold` failed. A new process must follow."""
+        """Handle the loss of the robot: another bridge has it, or `join` or `hold` failed. A new process follows."""
 
 
 class DomainMonitor:
@@ -72,7 +72,7 @@ class DomainMonitor:
     def _watch(self) -> None:
         try:
             self._node.join()
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  (rclpy's own have no common class)
             self._cannot_join(error)
             return
         while not self._ending:
@@ -104,7 +104,7 @@ class DomainMonitor:
         if self._node.holds and not self._held:
             try:
                 self._node.hold()
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001  (rclpy's own have no common class)
                 self._cannot_join(error)
                 return False
             self._held = True

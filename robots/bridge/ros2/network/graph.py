@@ -75,7 +75,7 @@ class Graph:
         return known, len(fitting) - len(known)
 
     def _is_crowded(self, topic: str) -> bool:
-        return max(self._node.count_publishers(topic), self._node.count_subscribers(topic)) > MOST_NODES
+        return bool(max(self._node.count_publishers(topic), self._node.count_subscribers(topic)) > MOST_NODES)
 
     def _known(self, endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
         """Leave out those that are so new that their node's name is not known: it may be one of the console's own."""

@@ -26,6 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from robots.bridge.robot.described import described
+from robots.bridge.ros2.network.graph import node_name
 from robots.bridge.ros2.participant import guarded
 from robots.bridge.ros2.qos import kept
 from robots.shared import wire
@@ -45,7 +46,6 @@ from robots.shared.sentences import joined, say
 FOUND_S = 3.0  # by which nodes of this network are found
 SETTLED_S = 1.0  # from the first node to the last, and its topics
 OTHER_DOMAINS = range(10)  # where a robot is looked for that is not in its own
-DESCRIPTION_S = 3.0
 MULTICAST = ("239.255.0.1", 7400)  # where Fast DDS looks for others
 STAMP = struct.Struct("<iII")  # of a std_msgs/Header: seconds, nanoseconds, length of the frame id
 ENCAPSULATION = 4  # bytes before a message
@@ -157,20 +157,16 @@ def _found(member: Member, plan: Plan, ros: Ros2) -> Findings:
 
 def _drive(node: Node, plan: Plan) -> DriveFound:
     topic = plan.drive.name
-    listeners = [one for one in node.get_subscriptions_info_by_topic(topic) if not is_own(_name(one))]
+    listeners = [one for one in node.get_subscriptions_info_by_topic(topic) if not is_own(node_name(one))]
     types = sorted({one.topic_type for one in listeners} - {plan.drive.type})
     fitting = [one for one in listeners if one.topic_type == plan.drive.type]
     old = DurabilityPolicy.TRANSIENT_LOCAL  # it asks for twists of before, which nobody keeps
     return DriveFound(
-        publishers=sorted({_name(one) for one in node.get_publishers_info_by_topic(topic)}),
-        subscribers=sorted({_name(one) for one in fitting if one.qos_profile.durability != old}),
+        publishers=sorted({node_name(one) for one in node.get_publishers_info_by_topic(topic)}),
+        subscribers=sorted({node_name(one) for one in fitting if one.qos_profile.durability != old}),
         type=types[0] if types and not fitting else None,
-        refused=sorted({_name(one) for one in fitting if one.qos_profile.durability == old}),
+        refused=sorted({node_name(one) for one in fitting if one.qos_profile.durability == old}),
     )
-
-
-def _name(endpoint: Any) -> str:
-    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
 
 
 class _Heard:
@@ -205,7 +201,7 @@ class _Heard:
         self.done = self._frames.issuperset(self._listened.frames)
 
     def found(self) -> TopicFound:
-        names = [_name(one) for one in self._publishers]
+        names = [node_name(one) for one in self._publishers]
         return TopicFound(
             self._listened.what,
             names,

@@ -43,7 +43,7 @@ def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
 
 
 class Listeners:
-    """How many of the robot's nodes listen to a drive topic: the console's own processes do not move. For one thread."""
+    """How many of the robot's nodes listen to a drive topic: the console's own do not move. For one thread."""
 
     def __init__(self, graph: Graph, drive: Topic) -> None:
         self._graph, self._kind = graph, drive.type
@@ -52,7 +52,7 @@ class Listeners:
 
     def of(self, topic: str, publisher: Any) -> int:
         """Return the number of the listeners that are connected with a publisher of this topic."""
-        count, now_s = publisher.get_subscription_count(), time.monotonic()
+        count, now_s = int(publisher.get_subscription_count()), time.monotonic()
         before, looked_s, robots = self._looked.get(topic, (-1, -math.inf, 0))
         if now_s - looked_s >= (LOOK_S if count == before else SOON_S):
             own, new = self._own(topic)
