@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import secrets
 import shlex
 import shutil
@@ -79,8 +80,13 @@ def join(address: str, code: str, env: Path, owner: str) -> None:
         "FLEET_HOSTS": "localhost",
     }  # no pages are served here
     settings = {**own, **joined["settings"], **{name: str(path) for name, path in files.items()}}
-    private_file(env, "".join(f"{name}={shlex.quote(value)}\n" for name, value in settings.items()))
+    private_file(env, "".join(f"{name}={_quoted(value)}\n" for name, value in settings.items()))
     print(f"Joined as {settings['FLEET_BRIDGE_HOST']}. Wrote {env}.")
+
+
+def _quoted(value: str) -> str:
+    """Return a value as systemd reads it; without quotes if it needs none, because containers take them literally."""
+    return shlex.quote(value) if re.search(r"[\s'\"\\]", value) else value
 
 
 def ask(address: str, body: dict[str, str]) -> dict[str, Any]:
