@@ -23,7 +23,11 @@ def test_no_file_is_overwritten_and_the_code_is_kept(
 def test_settings_have_quotes_only_if_they_need_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Containers take quotes literally (--env-file)."""
     url = "postgresql://fleet:p%40ss@db.lab.example/fleet?sslmode=require"
-    settings = {"FLEET_BRIDGE_HOST": "arm.lab.example", "FLEET_DATABASE_URL": url, "FLEET_LINK_SECRET": "a 'secret'"}
+    settings = {
+        "FLEET_BRIDGE_HOST": "arm.lab.example",
+        "FLEET_DATABASE_URL": url,
+        "FLEET_LINK_SECRET": "a 'secret'",
+    }
     answer = {"settings": settings, "certificate": "", "authority": ""}
     monkeypatch.setattr(join, "ask", lambda *_: answer)
     env = tmp_path / "fleet.env"

@@ -66,7 +66,9 @@ def test_the_image_has_all_files_and_runs_as_its_own_user() -> None:
 
 def test_secrets_and_data_stay_out_of_the_image() -> None:
     """Docker reads only this file, podman and buildah read it, too."""
-    assert {"var", "**/.env", "**/*.key", "**/*.crt"} <= set((REPOSITORY / ".dockerignore").read_text().splitlines())
+    assert {"var", "**/.env", "**/*.key", "**/*.crt"} <= set(
+        (REPOSITORY / ".dockerignore").read_text().splitlines()
+    )
     assert not (REPOSITORY / ".containerignore").exists()  # podman would prefer it
 
 
