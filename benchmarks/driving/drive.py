@@ -3,6 +3,8 @@
 Bare rospy and the console are measured in turn, slot by slot, so that a slow machine affects both. The limits
 are ratios of the two: see docs/decisions/delays-are-compared-with-bare-rospy.md. The limits apply to a
 console with real-time priority, as in docs/deployment.md. The figures without this priority are printed, too.
+A robot with ROS 2 stands beside one with ROS 1 on another console: what this adds to bare rclpy is compared with what
+it adds to bare rospy.
 """
 
 from __future__ import annotations
@@ -12,14 +14,14 @@ import gc
 import math
 import os
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 
 from websockets.exceptions import ConnectionClosed
 
 from benchmarks.harness import Figure, progress, quantile
-from benchmarks.parts.bare_rospy import BareRospy
+from benchmarks.parts.bare import Bare
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
@@ -29,7 +31,7 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
 PERIOD_S = 0.02
-PARTS = ("alone", "viewers", "map", "flood")
+PARTS = ("alone", "viewers", "map", "flood", "ros2")
 SLOTS = 10  # of bare rospy and of the console each, in turn
 SLOT = 150  # commands: three seconds
 WARM_UP = 50  # commands, until the base turns at its speed
@@ -41,69 +43,111 @@ SHARE = 0.4
 P50_TIMES = 3.9
 P99_TIMES = 1.8
 BESIDE_P99_TIMES = 2.9  # with viewers, or a map
+ADDED_TIMES = 1.2  # what the console adds to bare rclpy, times what it adds to bare rospy
 # Each command has a slightly different turning speed, by which it is recognised in the observer's Twists. The
 # gate never reduces this speed, because a disc that turns on the spot meets no obstacle. The stick filter is
 # off.
 TURN = 0.30
 STEP = 1e-6
 BARE_STICKS = tuple(replace(robot, stick=()) for robot in PRACTICE_ROBOTS)
+BOTH = (BARE_STICKS[0], replace(BARE_STICKS[2], ros=2))
 
 
 def measure() -> list[Figure]:
-    """Start a console with three robots and drive one.
+    """Start a console with three robots and drive one; then another with a robot of each ROS.
 
     `FLEET_BENCH_PARTS`, `FLEET_BENCH_SLOTS`: measure less.
     """
-    with temporary_stack(BARE_STICKS) as stack:
-        return asyncio.run(measure_on(stack))
-
-
-async def measure_on(stack: Stack) -> list[Figure]:
-    """Return all figures, one part after the other."""
     gc.freeze()
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
-    robot = stack.robots[ROBOT]
-    operator = await asyncio.to_thread(sign_in, stack, "operator")
     figures: list[Figure] = []
-    async with Observer(robot) as observer:
-        with BareRospy(stack, robot, observer) as bare:
-            async with Driver(stack, ROBOT, operator) as driver:
-                await driver.take()
-                slots = Slots(bare, driver, observer)
-                if "alone" in parts:
-                    figures += await slots.compare("ordinary priority", None, None)
-                prefer_loops_or_say(stack)
-                if "alone" in parts:
-                    figures += await slots.compare("Python", P50_TIMES, P99_TIMES)
-                if "viewers" in parts:
-                    observer_cookie = await asyncio.to_thread(sign_in, stack, "observer")
-                    async with Crowd(stack, ROBOT, observer_cookie, VIEWERS):
-                        figures += await slots.compare(f"with {VIEWERS} viewers", None, BESIDE_P99_TIMES)
-                if "map" in parts:
-                    maps = [start_ros_side(stack, robot, role) for role in ("map", "watch_map")]
-                    figures += await slots.compare("with a map", None, BESIDE_P99_TIMES)
-                    stack.release(*maps)
-                if "flood" in parts:
-                    progress("flood ...")
-                    figures += await flood(driver, observer)
+    if parts != ["ros2"]:
+        with temporary_stack(BARE_STICKS) as stack:
+            figures += asyncio.run(measure_on(stack, parts))
+    if "ros2" in parts:
+        with temporary_stack(BOTH) as stack:
+            figures += asyncio.run(added_to_both(stack))
     return figures
+
+
+async def measure_on(stack: Stack, parts: Sequence[str]) -> list[Figure]:
+    """Return the figures of these parts, one after the other."""
+    figures: list[Figure] = []
+    async with slots_of(stack, ROBOT) as slots:
+        if "alone" in parts:
+            figures += await slots.compare("ordinary priority", None, None)
+        prefer_loops_or_say(stack)
+        if "alone" in parts:
+            figures += await slots.compare("Python", P50_TIMES, P99_TIMES)
+        if "viewers" in parts:
+            observer_cookie = await asyncio.to_thread(sign_in, stack, "observer")
+            async with Crowd(stack, ROBOT, observer_cookie, VIEWERS):
+                figures += await slots.compare(f"with {VIEWERS} viewers", None, BESIDE_P99_TIMES)
+        if "map" in parts:
+            maps = [start_ros_side(stack, stack.robots[ROBOT], role) for role in ("map", "watch_map")]
+            figures += await slots.compare("with a map", None, BESIDE_P99_TIMES)
+            stack.release(*maps)
+        if "flood" in parts:
+            progress("flood ...")
+            figures += await flood(slots.driver, slots.observer)
+    return figures
+
+
+async def added_to_both(stack: Stack) -> list[Figure]:
+    """Drive a robot of each ROS in turn; compare what the console adds to its client library."""
+    prefer_loops_or_say(stack)
+    progress("rospy and rclpy, bare and by the console, in turn ...")
+    delays_s: dict[str, list[float]] = {}
+    async with slots_of(stack, BOTH[0].slug) as ros1, slots_of(stack, BOTH[1].slug) as ros2:
+        for _ in range(ros1.count):
+            for library, slots in (("rospy", ros1), ("rclpy", ros2)):
+                delays_s.setdefault(f"bare {library}", []).extend(await slots.bare.delays_s(SLOT))
+                driven_s = await drive(slots.driver, slots.observer)
+                delays_s.setdefault(f"console by {library}", []).extend(driven_s)
+    figures = [figure for name, seconds in delays_s.items() for figure in delays(name, seconds)]
+    for share in (0.50, 0.99):
+        by = {name: quantile(seconds, share) for name, seconds in delays_s.items()}
+        added_s = {
+            library: by[f"console by {library}"] - by[f"bare {library}"] for library in ("rospy", "rclpy")
+        }
+        figures.append(
+            Figure(
+                f"p{100 * share:.0f} that the console adds to bare rclpy / to bare rospy",
+                added_s["rclpy"] / added_s["rospy"],
+                "times",
+                ADDED_TIMES,
+            )
+        )
+    return figures
+
+
+@asynccontextmanager
+async def slots_of(stack: Stack, slug: str) -> AsyncIterator[Slots]:
+    """Context: a driver, an observer and a bare publisher of a robot."""
+    robot = stack.robots[slug]
+    operator = await asyncio.to_thread(sign_in, stack, "operator")
+    async with Observer(robot) as observer:
+        with Bare(stack, robot, observer) as bare:
+            async with Driver(stack, slug, operator) as driver:
+                await driver.take()
+                yield Slots(bare, driver, observer)
 
 
 class Slots:
     """Runs bare rospy and the console in turn."""
 
-    def __init__(self, bare: BareRospy, driver: Driver, observer: Observer) -> None:
-        self._bare, self._driver, self._observer = bare, driver, observer
-        self._count = int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))
+    def __init__(self, bare: Bare, driver: Driver, observer: Observer) -> None:
+        self.bare, self.driver, self.observer = bare, driver, observer
+        self.count = int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))
 
     async def compare(self, name: str, p50_times: float | None, p99_times: float | None) -> list[Figure]:
         """Return the delays of both, and their ratios with these limits."""
         progress(f"{name}, in turn with bare rospy ...")
         bare_s: list[float] = []
         ours_s: list[float] = []
-        for _ in range(self._count):
-            bare_s += await self._bare.delays_s(SLOT)
-            ours_s += await drive(self._driver, self._observer)
+        for _ in range(self.count):
+            bare_s += await self.bare.delays_s(SLOT)
+            ours_s += await drive(self.driver, self.observer)
         return [
             *delays(f"bare rospy ({name})", bare_s),
             *delays(name, ours_s),

@@ -1,4 +1,8 @@
-"""Time from a press or fault to zero velocity and to standstill, seen by an independent rospy process; worst of 20."""
+"""Time from a press or fault to zero velocity and to standstill, seen by an independent ROS process; worst of 20.
+
+`FLEET_BENCH_PARTS`: which robots, see PARTS. A robot with ROS 2 has no master; its network is not cut.
+`FLEET_BENCH_REPEATS`: how often each fault happens.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 from websockets.exceptions import ConnectionClosed
@@ -26,6 +30,7 @@ from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
+PARTS = ("ros1", "ros2", "apart")
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "20"))
 TURN = 0.6  # of the stick: a turn on the spot meets no obstacle, so only the fault ends it
 SHARE = 0.4
@@ -170,10 +175,18 @@ def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
 
 
 def measure() -> list[Figure]:
-    """Measure all faults on one console, and the cut to the robot on a console with a separate network."""
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        figures = asyncio.run(faults_of_the_console(stack))
-    return figures + cut_to_the_robot()
+    """Measure all faults on a console for each ROS, and the cut to the robot on one with a separate network."""
+    parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
+    figures: list[Figure] = []
+    if "ros1" in parts:
+        with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+            figures += asyncio.run(faults_of_the_console(stack))
+            figures += to_zero("master killed", asyncio.run(kills_of_the_master(stack)), DEAD_MAN_S)
+    if "ros2" in parts:
+        with temporary_stack([replace(PRACTICE_ROBOTS[0], ros=2)]) as stack:
+            found = asyncio.run(faults_of_the_console(stack))
+            figures += [replace(figure, name=f"ROS 2: {figure.name}") for figure in found]
+    return figures + (cut_to_the_robot() if "apart" in parts else [])
 
 
 @asynccontextmanager
@@ -213,7 +226,7 @@ async def faults_of_the_console(stack: Stack) -> list[Figure]:
         figures += to_braking("bridge killed", timings)
         timings = await repeat("supervisor killed", scene, kill_supervisor, restart_supervisor)
         figures += to_zero("supervisor killed", timings, DEAD_MAN_S)
-    return figures + to_zero("master killed", await kills_of_the_master(stack), DEAD_MAN_S)
+    return figures
 
 
 # --- faults ---------------------------------------------------------------------------------------

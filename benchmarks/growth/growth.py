@@ -15,6 +15,7 @@ PARTS: dict[str, Callable[[], Iterator[Figure]]] = {
     "fleet-pages": fleet_pages.cost,
     "supervisor": supervisor.cost,
     "robots": robots.cost,
+    "ros2": robots.cost_of_ros2,
     "metrics": scrape.cost,
     "people": data.people,
     "records": data.records,

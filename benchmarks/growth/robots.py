@@ -7,7 +7,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from benchmarks.growth.console import SECONDS
 from benchmarks.harness import Figure
@@ -17,6 +19,7 @@ from script.stack.database import with_tables
 from script.stack.processes import Child
 from script.stack.stack import PRACTICE_ROBOTS, PracticeRobot, Stack, temporary_stack
 
+ROBOT = PRACTICE_ROBOTS[0]
 ROBOTS = 20
 SETTLED_S = 5.0
 REST_S = 0.2  # between two messages of a stick at rest
@@ -25,14 +28,29 @@ ONLINE_S = 300.0
 
 def cost() -> Iterator[Figure]:
     """Measure one simulated robot, then the start of a console with many light stand-ins."""
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        yield from asyncio.run(_one(stack))
+    with temporary_stack([ROBOT]) as stack:
+        yield from asyncio.run(_one(stack, "one robot", Limits(2.0, 60.0, 26.0, 8.0)))
     with tempfile.TemporaryDirectory(prefix="fleet-growth-") as directory:
         with_tables(Path(directory))
         yield _Many(Path(directory)).started()
 
 
-async def _one(stack: Stack) -> list[Figure]:
+def cost_of_ros2() -> Iterator[Figure]:
+    """Measure one simulated robot with ROS 2."""
+    with temporary_stack([replace(ROBOT, ros=2)]) as stack:
+        yield from asyncio.run(_one(stack, "one robot with ROS 2", Limits(6.0, 150.0)))
+
+
+class Limits(NamedTuple):
+    """What a robot's bridge and watchdog may need: percent of a core, MB."""
+
+    bridge_at_rest: float
+    bridge_mb: float
+    watchdog_mb: float | None = None
+    bridge_held: float | None = None
+
+
+async def _one(stack: Stack, name: str, limits: Limits) -> list[Figure]:
     children = process_stats.children(stack.supervisor.pid)
     [bridge] = [child for child in children if "fleet.site.run_bridge" in process_stats.arguments(child)]
     [watchdog] = [child for child in children if "robots.bridge.watchdog" in process_stats.arguments(child)]
@@ -40,18 +58,22 @@ async def _one(stack: Stack) -> list[Figure]:
     await asyncio.sleep(SETTLED_S)
     at_rest = await _used(bridge, watchdog)
     figures = [
-        Figure("one robot at rest: bridge", at_rest[0], "%", 2.0),
-        Figure("one robot at rest: watchdog", at_rest[1], "%"),
-        Figure("one robot at rest: bridge", process_stats.resident_mb(bridge), "MB", 60.0),
-        Figure("one robot at rest: watchdog", process_stats.resident_mb(watchdog), "MB", 26.0),
+        Figure(f"{name} at rest: bridge", at_rest[0], "%", limits.bridge_at_rest),
+        Figure(f"{name} at rest: watchdog", at_rest[1], "%"),
+        Figure(f"{name} at rest: bridge", process_stats.resident_mb(bridge), "MB", limits.bridge_mb),
+        Figure(f"{name} at rest: watchdog", process_stats.resident_mb(watchdog), "MB", limits.watchdog_mb),
     ]
-    async with Driver(stack, PRACTICE_ROBOTS[0].slug, cookie) as driver:
+    async with Driver(stack, ROBOT.slug, cookie) as driver:
         await driver.take()
         resting = asyncio.create_task(_rest(driver))
         await asyncio.sleep(SETTLED_S)
         held = await _used(bridge)
         resting.cancel()
-    return [*figures, Figure("control held, stick at rest: bridge", held[0], "%", 8.0)]
+    return [
+        *figures,
+        Figure(f"{name}, control held, stick at rest: bridge", held[0], "%", limits.bridge_held),
+        Figure(f"{name}, control held, stick at rest: bridge", process_stats.resident_mb(bridge), "MB"),
+    ]
 
 
 async def _rest(driver: Driver) -> None:

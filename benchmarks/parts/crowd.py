@@ -83,7 +83,7 @@ class Topic:
     """Messages of one topic, to a client of the rosbridge door."""
 
     path = "/rosbridge/{slug}"
-    _stamp = re.compile(rb'"stamp":\{"secs":(\d+),"nsecs":(\d+)\}')
+    _stamp = re.compile(rb'"stamp":\{"secs?":(\d+),"n(?:ano)?secs?":(\d+)\}')  # of ROS 1 or 2
 
     def __init__(self, topic: str) -> None:
         self.watch = frame(msgspec.json.encode({"op": "subscribe", "topic": topic}))

@@ -1,19 +1,20 @@
-"""An observer of a robot from outside: it reads the lines of `ros_side.py observe` on the event loop."""
+"""An observer of a robot from outside: it reads the lines of `ros_side observe` on the event loop."""
 
 from __future__ import annotations
 
 import asyncio
 import subprocess
+import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
+from script.stack.places import REPOSITORY
 from script.stack.processes import Child
 from script.stack.stack import SimulatedRobot, Stack
 
-ROS_SIDE = Path(__file__).with_name("ros_side.py")
-SYSTEM_PYTHON = "/usr/bin/python3"
+ROS_SIDE = "benchmarks.parts.ros_side"
+SYSTEM_PYTHON = "/usr/bin/python3"  # which has rospy
 
 
 class Seen(NamedTuple):
@@ -49,7 +50,8 @@ class Observer:
         self._process = await asyncio.create_subprocess_exec(
             *("/usr/bin/setpriv", "--pdeathsig", "TERM"),
             *self._robot.plan.inside,
-            *(SYSTEM_PYTHON, str(ROS_SIDE), "observe", *self._also),
+            *ros_side(self._robot, "observe", *self._also),
+            cwd=REPOSITORY,
             env=self._robot.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -124,6 +126,13 @@ class Observer:
 
 
 def start_ros_side(stack: Stack, robot: SimulatedRobot, role: str) -> Child:
-    """Start another role of ros_side.py. The process ends with the stack, or by `end_all`."""
-    command = [SYSTEM_PYTHON, str(ROS_SIDE), role]
-    return stack.start_child(f"bench-{role}-{time.monotonic_ns()}", command, robot.environment)
+    """Start another role of `ros_side`. The process ends with the stack, or by `end_all`."""
+    name = f"bench-{role}-{time.monotonic_ns()}"
+    return stack.start_child(name, ros_side(robot, role), robot.environment)
+
+
+def ros_side(robot: SimulatedRobot, *words: str) -> list[str]:
+    """Return the command of a role, with the library of this robot's ROS."""
+    if robot.plan.ros == 1:
+        return [SYSTEM_PYTHON, "-m", ROS_SIDE, "rospy", *words]
+    return [sys.executable, "-m", ROS_SIDE, "rclpy", *words]

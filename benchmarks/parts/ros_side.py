@@ -1,6 +1,6 @@
-"""The robot's side of a benchmark: a rospy process independent of the console.
+"""The robot's side of a benchmark: a process of rospy or rclpy, independent of the console.
 
-Run by the distribution's Python, on the master in ROS_MASTER_URI:
+`command` runs it, with ROS 1 by the distribution's Python. Roles:
 
     ros_side.py observe [odometry] [scan] [goals] [truth]
                                      a line for each message: kind, arrival (monotonic ns), values; each line of stdin
@@ -23,23 +23,19 @@ The last six have the time of sending (monotonic) as their stamp.
 from __future__ import annotations
 
 import random
-import signal
 import sys
 import threading
 import time
+from importlib import import_module
+from types import ModuleType
 from typing import Any
-
-import rospy
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import OccupancyGrid, Odometry
-from sensor_msgs.msg import CompressedImage, Image, LaserScan
-from std_msgs.msg import Header, String
 
 DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
 RATE_HZ = 50.0
 CAMERA_TOPIC = "/xtion/rgb/image_raw/compressed"
 MANY = 500
+ros: ModuleType  # by_rospy or by_rclpy
 RANDOM = random.Random(0)  # noqa: S311 - contents of messages, no secrets
 
 
@@ -52,53 +48,56 @@ def say(line: str) -> None:
 def observe(*also: str) -> None:
     """Print commands, and on request odometry, true motion, scans and goals."""
 
-    def on_command(message: Twist) -> None:
+    def on_command(message: Any) -> None:
         now_ns = time.monotonic_ns()
         say(f"command {now_ns} {message.linear.x!r} {message.linear.y!r} {message.angular.z!r}")
 
-    def on_bare(message: Twist) -> None:
+    def on_bare(message: Any) -> None:
         say(f"bare {time.monotonic_ns()} {message.linear.z!r}")
 
-    def on_odometry(message: Odometry) -> None:
+    def on_odometry(message: Any) -> None:
         now_ns = time.monotonic_ns()
         twist = message.twist.twist
         say(f"odometry {now_ns} {twist.linear.x!r} {twist.linear.y!r} {twist.angular.z!r}")
 
-    def on_truth(message: Odometry) -> None:
+    def on_truth(message: Any) -> None:
         now_ns = time.monotonic_ns()
         twist = message.twist.twist
         say(f"truth {now_ns} {twist.linear.x!r} {twist.linear.y!r} {twist.angular.z!r}")
 
-    def on_scan(message: LaserScan) -> None:
-        say(f"scan {time.monotonic_ns()} {message.header.seq}")
+    def on_scan(_message: Any) -> None:
+        say(f"scan {time.monotonic_ns()}")
 
-    rospy.Subscriber(DRIVE_TOPIC, Twist, on_command, tcp_nodelay=True)
-    rospy.Subscriber(BARE_TOPIC, Twist, on_bare, tcp_nodelay=True)
+    ros.subscribe(DRIVE_TOPIC, "geometry_msgs/Twist", on_command)
+    ros.subscribe(BARE_TOPIC, "geometry_msgs/Twist", on_bare)
     if "odometry" in also:
-        rospy.Subscriber("/mobile_base_controller/odom", Odometry, on_odometry, tcp_nodelay=True)
+        ros.subscribe("/mobile_base_controller/odom", "nav_msgs/Odometry", on_odometry)
     if "truth" in also:
-        rospy.Subscriber("/ground_truth/pose", Odometry, on_truth, tcp_nodelay=True)
+        ros.subscribe("/ground_truth/pose", "nav_msgs/Odometry", on_truth)
     if "scan" in also:
-        rospy.Subscriber("/scan_raw", LaserScan, on_scan, tcp_nodelay=True)
-    if "goals" in also:
-        rospy.Subscriber("/play_motion/goal", rospy.AnyMsg, lambda _: say(f"goal {time.monotonic_ns()}"))
+        ros.subscribe("/scan_raw", "sensor_msgs/LaserScan", on_scan)
+    if "goals" in also:  # of ROS 1: in ROS 2 a goal is a service
+        goal = "play_motion_msgs/PlayMotionActionGoal"
+        ros.subscribe("/play_motion/goal", goal, lambda _: say(f"goal {time.monotonic_ns()}"), raw=True)
     threading.Thread(target=pass_on_faults, daemon=True).start()
     say("ready")
-    rospy.spin()
+    ros.spin()
 
 
 def pass_on_faults() -> None:
-    publisher = rospy.Publisher("/ground_truth/fault", String, queue_size=5, tcp_nodelay=True)
+    publisher = ros.publisher("/ground_truth/fault", "std_msgs/String", 5)
+    fault = ros.message("std_msgs/String")
     for line in sys.stdin:
-        publisher.publish(String(line.strip()))
+        fault.data = line.strip()
+        publisher.publish(fault)
 
 
 def publish() -> None:
-    """Publish with rospy only: the same message at the same rate, without the console."""
-    publisher = rospy.Publisher(BARE_TOPIC, Twist, queue_size=1, tcp_nodelay=True)
-    message = Twist()
+    """Publish with the client library only: the same message at the same rate, without the console."""
+    publisher = ros.publisher(BARE_TOPIC, "geometry_msgs/Twist")
+    message = ros.message("geometry_msgs/Twist")
     due_s = time.monotonic()
-    while not rospy.is_shutdown():
+    while ros.running():
         message.linear.z = time.monotonic()
         publisher.publish(message)
         # After a pause (SIGSTOP) missed messages are not sent
@@ -108,45 +107,41 @@ def publish() -> None:
 
 def publish_map() -> None:
     """Publish a large map once a second."""
-    publisher = rospy.Publisher("/map", OccupancyGrid, queue_size=1)
-    grid = OccupancyGrid()
+    publisher = ros.publisher("/map", "nav_msgs/OccupancyGrid")
+    grid = ros.message("nav_msgs/OccupancyGrid")
     grid.info.width = grid.info.height = 1000
     grid.info.resolution = 0.05
     grid.data = bytes(1_000_000)
-    rate = rospy.Rate(1.0)
-    while not rospy.is_shutdown():
-        grid.header.stamp = rospy.Time.now()
+    while ros.running():
+        grid.header.stamp = ros.stamp(time.time_ns())
         publisher.publish(grid)
-        rate.sleep()
+        time.sleep(1.0)
 
 
-def watch_map() -> None:
-    """Subscribe to the map, so that its bytes are sent."""
-    rospy.Subscriber("/map", rospy.AnyMsg, lambda _message: None)
-    rospy.spin()
+def watch(topic: str, kind: str) -> None:
+    """Subscribe to a topic, so that its bytes are sent."""
+    ros.subscribe(topic, kind, lambda _message: None, raw=True)
+    ros.spin()
 
 
 def publish_many() -> None:
     """Advertise many topics."""
     names = [f"/bench_many/topic_{number:03}" for number in range(MANY)]
-    publishers = [rospy.Publisher(name, String, queue_size=1) for name in names]
+    publishers = [ros.publisher(name, "std_msgs/String") for name in names]
     say(f"ready {len(publishers)}")
-    rospy.spin()
+    ros.spin()
 
 
-def watch_camera() -> None:
-    """Subscribe to the camera."""
-    rospy.Subscriber(CAMERA_TOPIC, rospy.AnyMsg, lambda _message: None, tcp_nodelay=True)
-    rospy.spin()
-
-
-def repeat(topic: str, message: Any, rate_hz: float) -> None:
+def repeat(topic: str, kind: str, rate_hz: float, **fields: Any) -> None:
     """Publish a message with the time of sending as its stamp."""
-    publisher = rospy.Publisher(topic, type(message), queue_size=2, tcp_nodelay=True)
+    publisher = ros.publisher(topic, kind, 2)
+    message = ros.message(kind)
+    for name, value in fields.items():
+        setattr(message, name, value)
     header = getattr(message, "header", message)
     due_s = time.monotonic()
-    while not rospy.is_shutdown():
-        header.stamp = rospy.Time(*divmod(time.monotonic_ns(), 1_000_000_000))
+    while ros.running():
+        header.stamp = ros.stamp(time.monotonic_ns())
         publisher.publish(message)
         due_s = max(due_s + 1.0 / rate_hz, time.monotonic() - 0.1)
         time.sleep(max(0.0, due_s - time.monotonic()))
@@ -155,44 +150,49 @@ def repeat(topic: str, message: Any, rate_hz: float) -> None:
 def laser() -> None:
     """Publish scans whose numbers have as many digits as those of a real laser."""
     beams = [RANDOM.uniform(0.1, 25.0) for _ in range(666)]
-    repeat("/bench_laser", LaserScan(angle_min=-1.66, angle_increment=0.005, ranges=beams), 15.0)
+    scan = {"angle_min": -1.66, "angle_increment": 0.005, "ranges": beams}
+    repeat("/bench_laser", "sensor_msgs/LaserScan", 15.0, **scan)
 
 
 def grid() -> None:
     """Publish a map."""
-    message = OccupancyGrid(data=RANDOM.choices((-1, 0, 100), k=1_000_000))
-    message.info.width = message.info.height = 1000
-    repeat("/bench_grid", message, 1.0)
+    info = ros.message("nav_msgs/MapMetaData")
+    info.width = info.height = 1000
+    cells = RANDOM.choices((-1, 0, 100), k=1_000_000)
+    repeat("/bench_grid", "nav_msgs/OccupancyGrid", 1.0, info=info, data=cells)
 
 
 def picture(rate_hz: float = 30.0) -> None:
     """Publish raw pictures."""
-    message = Image(height=480, width=640, encoding="rgb8", step=1920, data=RANDOM.randbytes(921_600))
-    repeat("/bench_picture", message, rate_hz)
+    pixels = ros.octets(RANDOM.randbytes(921_600))
+    shape = {"height": 480, "width": 640, "encoding": "rgb8", "step": 1920}
+    repeat("/bench_picture", "sensor_msgs/Image", rate_hz, **shape, data=pixels)
 
 
 def jpeg() -> None:
     """Publish compressed pictures."""
-    repeat("/bench_jpeg", CompressedImage(format="jpeg", data=RANDOM.randbytes(60_000)), 30.0)
+    data = ros.octets(RANDOM.randbytes(60_000))
+    repeat("/bench_jpeg", "sensor_msgs/CompressedImage", 30.0, format="jpeg", data=data)
 
 
 def tiny() -> None:
     """Publish far more than anybody reads."""
-    repeat("/bench_tiny", Header(frame_id="tiny"), 10_000.0)
+    repeat("/bench_tiny", "std_msgs/Header", 10_000.0, frame_id="tiny")
 
 
 def main() -> None:
-    """Run the role of the first argument."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    role, *words = sys.argv[1:]
-    rospy.init_node(f"bench_{role}", anonymous=True, disable_signals=True)
+    """Run the role of the second argument, with the library of the first."""
+    global ros
+    library, role, *words = sys.argv[1:]
+    ros = import_module(f"benchmarks.parts.by_{library}")
+    ros.join(f"bench_{role}")
     roles = {
         "observe": observe,
         "publish": publish,
         "map": publish_map,
-        "watch_map": watch_map,
+        "watch_map": lambda: watch("/map", "nav_msgs/OccupancyGrid"),
         "many": publish_many,
-        "watch_camera": watch_camera,
+        "watch_camera": lambda: watch(CAMERA_TOPIC, "sensor_msgs/CompressedImage"),
         "laser": laser,
         "grid": grid,
         "picture": picture,

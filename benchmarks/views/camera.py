@@ -2,6 +2,7 @@
 
 The simulated head camera draws the time into its pictures. Chromium's page reads this time from its canvas. A
 picture's age counts from the robot's stamp, so drawing and encoding in the simulator are part of the age.
+A robot with ROS 2 is compared with one with ROS 1 on the same console.
 `FLEET_BENCH_PARTS`, `FLEET_BENCH_SECONDS`, `FLEET_BENCH_SLOTS`: fewer parts, shorter parts.
 """
 
@@ -17,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
+from benchmarks.driving.drive import BOTH as BOTH_ROS
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable, Profile
@@ -35,8 +37,8 @@ from script.stack.stack import Stack, temporary_stack
 
 ROBOT, CAMERA = "tiago-1", "head"
 ROLES = ("observer", "operator", "supervisor", "staff")
-PLAN = replace(BARE_STICKS[0], options=("--camera-clock",))
-PARTS = ("first", "glass", "slow", "stall", "rights", "cost", "commands")
+PLAN, *BOTH = (replace(plan, options=("--camera-clock",)) for plan in (BARE_STICKS[0], *BOTH_ROS))
+PARTS = ("first", "glass", "slow", "stall", "rights", "cost", "commands", "ros2")
 MEASURED_S = 20.0
 SETTLED_S = 3.0
 VIEWERS = 10
@@ -52,18 +54,25 @@ RIGHTS_LOST = 10  # times
 ENDS_S = 1.0
 CORE_PERCENT = 5.0
 COMMAND_TIMES = 1.2
+ROUNDS, ROS2_TIMES = 2, 1.3
 BAD_PICTURES = "camera_bomb"
 
 
 def measure() -> list[Figure]:
-    """Run one robot; watch its camera."""
-    with temporary_stack((PLAN,)) as stack:
-        return asyncio.run(measure_on(stack))
-
-
-async def measure_on(stack: Stack) -> list[Figure]:
-    """Return all figures, one part after the other."""
+    """Run one robot; watch its camera. Then run a robot of each ROS."""
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
+    figures: list[Figure] = []
+    if parts != ["ros2"]:
+        with temporary_stack((PLAN,)) as stack:
+            figures += asyncio.run(measure_on(stack, parts))
+    if "ros2" in parts:
+        with temporary_stack(BOTH) as stack:
+            figures += asyncio.run(compare_both(stack))
+    return figures
+
+
+async def measure_on(stack: Stack, parts: Sequence[str]) -> list[Figure]:
+    """Return the figures of these parts, one after the other."""
     prefer_loops_or_say(stack)
     # Several people, because one person may not begin so many viewings in a few minutes: each is a record.
     cookies = [await asyncio.to_thread(sign_in, stack, role) for role in ROLES]
@@ -81,6 +90,37 @@ async def measure_on(stack: Stack) -> list[Figure]:
         if part in parts:
             figures += await measured()
     return figures
+
+
+async def compare_both(stack: Stack) -> list[Figure]:
+    """Watch the camera of a robot of each ROS in turn."""
+    prefer_loops_or_say(stack)
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
+    shown: dict[int, list[float]] = {}
+    for _ in range(ROUNDS):
+        for plan in BOTH:
+            progress(f"1 viewer, ROS {plan.ros} ...")
+            async with console_page(stack, plan.slug, cookie) as page:
+                await asyncio.sleep(SETTLED_S)
+                measured = await page.measure(seconds)
+            shown.setdefault(plan.ros, []).extend(picture.age_s for picture in measured.pictures)
+    figures = [
+        figure
+        for ros, ages_s in shown.items()
+        for figure in (
+            *delays(f"ROS {ros}, 1 viewer: age", ages_s),
+            Figure(f"ROS {ros}, 1 viewer: pictures", len(ages_s) / ROUNDS / seconds, "/s"),
+        )
+    ]
+    times = {
+        "age p50": quantile(shown[2], 0.50) / quantile(shown[1], 0.50),
+        "age p95": quantile(shown[2], 0.95) / quantile(shown[1], 0.95),
+        "time between pictures": len(shown[1]) / max(len(shown[2]), 1),
+    }
+    return figures + [
+        Figure(f"camera, {what}: ROS 2 / ROS 1", value, "times", ROS2_TIMES) for what, value in times.items()
+    ]
 
 
 class Bench:

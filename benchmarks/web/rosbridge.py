@@ -2,7 +2,8 @@
 
 Readers and observers have a lower real-time priority than the console's loops: they would be on other computers.
 An unauthenticated rosbridge needs 8.8 ms (p50) and 20 % of a core for 50 readers of a laser on a machine like ours; it
-cannot be installed from Debian or PyPI, so limits are a third of these. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SECONDS`,
+cannot be installed from Debian or PyPI, so limits are a third of these. A robot with ROS 2 is compared with one with
+ROS 1 on the same console. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SECONDS`,
 `FLEET_BENCH_SLOTS`: fewer parts, shorter parts.
 """
 
@@ -15,10 +16,11 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from itertools import count
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
-from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
+from benchmarks.driving.drive import BARE_STICKS, BOTH, SLOT, delays, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.observer import Observer, start_ros_side
@@ -29,7 +31,7 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import Stack, temporary_stack
 
 ROBOT = "tiago-1"
-PARTS = ("commands", "laser", "beside", "flood")
+PARTS = ("commands", "laser", "beside", "flood", "ros2")
 SLOTS = 10
 MEASURED_S = 20.0
 SETTLED_S = 3.0
@@ -37,27 +39,54 @@ READERS = 50
 PAGE_TIMES = 1.3
 LASER_P50_MS, LASER_PERCENT = 8.8 / 3.0, 20.0 / 3.0
 BESIDE_TIMES = 1.2
+ROS2_TIMES = 1.3
 BESIDE = {"grid": "a map of 1000 x 1000", "jpeg": "a 30 Hz JPEG", "picture": "a 30 Hz raw picture"}
 FLOOD_P99_MS = 100.0
 FLOOD_GROWTH_MB = 10.0
 
 
 def measure() -> list[Figure]:
-    """Start a console with three robots, and connect to one of them."""
-    with temporary_stack(BARE_STICKS) as stack:
-        return asyncio.run(measure_on(stack))
-
-
-async def measure_on(stack: Stack) -> list[Figure]:
-    """Return all figures, one part after the other."""
+    """Start a console with three robots, and connect to one of them; then a console with a robot of each ROS."""
     gc.freeze()
-    prefer_loops_or_say(stack)
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
-    bench = Bench(stack, await asyncio.to_thread(_token, stack))
+    figures: list[Figure] = []
+    if parts != ["ros2"]:
+        with temporary_stack(BARE_STICKS) as stack:
+            figures += asyncio.run(measure_on(stack, parts))
+    if "ros2" in parts:
+        with temporary_stack(BOTH) as stack:
+            figures += asyncio.run(compare_both(stack))
+    return figures
+
+
+async def measure_on(stack: Stack, parts: Sequence[str]) -> list[Figure]:
+    """Return the figures of these parts, one after the other."""
+    prefer_loops_or_say(stack)
+    bench = Bench(stack, await asyncio.to_thread(_token, stack), ROBOT)
     figures: list[Figure] = []
     for part in PARTS:
-        if part in parts:
+        if part in parts and part != "ros2":
             figures += await getattr(bench, part)()
+    return figures
+
+
+async def compare_both(stack: Stack) -> list[Figure]:
+    """Read the same laser of a robot of each ROS, one after the other."""
+    prefer_loops_or_say(stack)
+    token = await asyncio.to_thread(_token, stack)
+    figures: list[Figure] = []
+    costs: list[dict[str, float]] = []
+    for plan in BOTH:
+        name = f"ROS {plan.ros}: laser, {READERS} readers"
+        read = await Bench(stack, token, plan.slug).read_laser()
+        costs.append({"p50": quantile(read.delays_s, 0.50), "web process and tap": read.web + read.tap})
+        figures += [
+            *delays(name, read.delays_s),
+            Figure(f"{name}: web process adds", read.web, "%"),
+            Figure(f"{name}: tap", read.tap, "%"),
+        ]
+    for what, ros1 in costs[0].items():
+        figures.append(Figure(f"laser, {what}: ROS 2 / ROS 1", costs[1][what] / ros1, "times", ROS2_TIMES))
     return figures
 
 
@@ -114,12 +143,20 @@ class RosbridgeDriver:
         await self._socket.send(json.dumps(operation))
 
 
+class LaserRead(NamedTuple):
+    """What reading cost: each delay, and the percent of a core that web process (added) and tap used."""
+
+    delays_s: list[float]
+    web: float
+    tap: float
+
+
 class Bench:
     """One robot, and clients of its rosbridge door."""
 
-    def __init__(self, stack: Stack, token: str) -> None:
+    def __init__(self, stack: Stack, token: str, slug: str) -> None:
         self._stack = stack
-        self._robot = stack.robots[ROBOT]
+        self._robot = stack.robots[slug]
         self._token = token
         self._seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
         self._slots = int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))
@@ -158,8 +195,21 @@ class Bench:
         ]
 
     async def laser(self) -> list[Figure]:
-        """Let many clients read a laser; measure delay and processor time."""
-        progress(f"{READERS} readers of a laser ...")
+        """Let many clients read a laser."""
+        read = await self.read_laser()
+        name = f"laser, {READERS} readers"
+        return [
+            Figure(f"{name}: p50", 1000.0 * quantile(read.delays_s, 0.50), "ms", LASER_P50_MS),
+            Figure(f"{name}: p99", 1000.0 * quantile(read.delays_s, 0.99), "ms"),
+            Figure(f"{name}: messages each", len(read.delays_s) / READERS / self._seconds, "/s"),
+            Figure(f"{name}: web process adds", read.web, "%"),
+            Figure(f"{name}: tap", read.tap, "%"),
+            Figure(f"{name}: both", read.web + read.tap, "%", LASER_PERCENT),
+        ]
+
+    async def read_laser(self) -> LaserRead:
+        """Let many clients read a laser; return delays and processor time."""
+        progress(f"{READERS} readers of a laser, ROS {self._robot.plan.ros} ...")
         idle, _ = await self._used(0)
         laser = start_ros_side(self._stack, self._robot, "laser")
         async with self._readers("/bench_laser", READERS) as crowd:
@@ -170,15 +220,7 @@ class Bench:
             web, tap = await self._used(self._tap())
             delays_s = _delays_s(crowd)
         self._stack.release(laser)
-        name = f"laser, {READERS} readers"
-        return [
-            Figure(f"{name}: p50", 1000.0 * quantile(delays_s, 0.50), "ms", LASER_P50_MS),
-            Figure(f"{name}: p99", 1000.0 * quantile(delays_s, 0.99), "ms"),
-            Figure(f"{name}: messages each", len(delays_s) / READERS / self._seconds, "/s"),
-            Figure(f"{name}: web process adds", web - idle, "%"),
-            Figure(f"{name}: tap", tap, "%"),
-            Figure(f"{name}: both", web - idle + tap, "%", LASER_PERCENT),
-        ]
+        return LaserRead(delays_s, web - idle, tap)
 
     async def beside(self) -> list[Figure]:
         """Drive by the page while one client reads a map, or pictures, and without, in turn.
@@ -239,14 +281,15 @@ class Bench:
         ]
 
     def _readers(self, topic: str, count: int) -> Crowd:
-        return Crowd(self._stack, ROBOT, self._token, count, topic=topic)
+        return Crowd(self._stack, self._robot.plan.slug, self._token, count, topic=topic)
 
     def _tap(self) -> int:
+        package = "robots.bridge.ros" if self._robot.plan.ros == 1 else "robots.bridge.ros2"
         [tap] = [
             child
             for bridge in process_stats.children(self._stack.supervisor.pid)
             for child in process_stats.children(bridge)
-            if "robots.bridge.ros.tap" in process_stats.arguments(child)
+            if f"{package}.tap" in process_stats.arguments(child)
         ]
         return tap
 

@@ -1,4 +1,4 @@
-"""Delay of bare rospy: one process publishes, another receives, without the console."""
+"""Delay of bare rospy or rclpy: one process publishes, another receives, without the console."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SETTLED = 25  # messages after each pause that are not counted
 PATIENCE_S = 60.0
 
 
-class BareRospy:
+class Bare:
     """Context: a publisher at 50 Hz that is paused between measurements. `observer` receives its messages."""
 
     def __init__(self, stack: Stack, robot: SimulatedRobot, observer: Observer) -> None:
@@ -29,7 +29,7 @@ class BareRospy:
         self._publisher.signal(signal.SIGSTOP)
         return self._observer.bare_s[SETTLED : SETTLED + count]
 
-    def __enter__(self) -> BareRospy:
+    def __enter__(self) -> Bare:
         return self
 
     def __exit__(self, *_: object) -> None:
