@@ -25,6 +25,7 @@ from benchmarks.parts.bare import Bare
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
+from benchmarks.parts.with_ros2 import with_ros2
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
@@ -65,8 +66,7 @@ def measure() -> list[Figure]:
         with temporary_stack(BARE_STICKS) as stack:
             figures += asyncio.run(measure_on(stack, parts))
     if "ros2" in parts:
-        with temporary_stack(BOTH) as stack:
-            figures += asyncio.run(added_to_both(stack))
+        figures += with_ros2(BOTH, added_to_both)
     return figures
 
 

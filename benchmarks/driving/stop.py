@@ -1,6 +1,6 @@
 """Time from a press or fault to zero velocity and to standstill, seen by an independent ROS process; worst of 20.
 
-`FLEET_BENCH_PARTS`: which robots, see PARTS. A robot with ROS 2 has no master; its network is not cut.
+With a robot of ROS 1, then with one of ROS 2, which has no master (`FLEET_BENCH_PARTS`: one of them, see PARTS).
 `FLEET_BENCH_REPEATS`: how often each fault happens.
 """
 
@@ -26,11 +26,12 @@ from benchmarks.harness import Figure, progress
 from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable
 from benchmarks.parts.observer import Observer
+from benchmarks.parts.with_ros2 import with_ros2
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
-PARTS = ("ros1", "ros2", "apart")
+PARTS = ("ros1", "ros2")
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "20"))
 TURN = 0.6  # of the stick: a turn on the spot meets no obstacle, so only the fault ends it
 SHARE = 0.4
@@ -107,7 +108,8 @@ class Scene:
         driver = await self.person.sit_down()
         self.person.turn = TURN
         self.observer.forget()
-        await self.observer.until(lambda: self._turns_steadily(), 20.0)
+        # Odometry may come before commands: with ROS 2 each topic finds its readers by itself
+        await self.observer.until(lambda: self.observer.commands and self._turns_steadily(), 20.0)
         return driver
 
     def _turns_steadily(self) -> bool:
@@ -175,18 +177,19 @@ def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
 
 
 def measure() -> list[Figure]:
-    """Measure all faults on a console for each ROS, and the cut to the robot on one with a separate network."""
+    """Measure all faults for each ROS: on one console, then the cut to a robot in a separate network."""
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
     figures: list[Figure] = []
     if "ros1" in parts:
         with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
             figures += asyncio.run(faults_of_the_console(stack))
             figures += to_zero("master killed", asyncio.run(kills_of_the_master(stack)), DEAD_MAN_S)
+        figures += cut_to_the_robot(1)
     if "ros2" in parts:
-        with temporary_stack([replace(PRACTICE_ROBOTS[0], ros=2)]) as stack:
-            found = asyncio.run(faults_of_the_console(stack))
-            figures += [replace(figure, name=f"ROS 2: {figure.name}") for figure in found]
-    return figures + (cut_to_the_robot() if "apart" in parts else [])
+        found = with_ros2([replace(PRACTICE_ROBOTS[0], ros=2)], faults_of_the_console)
+        found += cut_to_the_robot(2)
+        figures += [replace(figure, name=f"ROS 2: {figure.name}") for figure in found]
+    return figures
 
 
 @asynccontextmanager
@@ -375,19 +378,19 @@ async def kills_of_the_master(stack: Stack) -> list[Timing]:
 # --- a robot in a separate network ------------------------------------------------------------------
 
 
-def cut_to_the_robot() -> list[Figure]:
+def cut_to_the_robot(ros: int) -> list[Figure]:
     """Run the measurement in a process with a separate network, because it pulls a cable out."""
-    command = [*UNSHARE, sys.executable, "-m", "benchmarks.driving.stop"]
+    command = [*UNSHARE, sys.executable, "-m", "benchmarks.driving.stop", str(ros)]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
     if done.returncode:
-        progress("robot's network cut: this machine does not allow separate networks; not measured")
+        progress("robot's network cut: not measured; this machine may not allow separate networks")
         return [Figure("robot's network cut -> braking", math.nan, "s", DEAD_MAN_S)]
     return [Figure(**figure) for figure in json.loads(done.stdout)]
 
 
 def main() -> None:
-    """Run the part in the separate network; print figures as JSON."""
-    with RobotApart() as apart, temporary_stack([apart.plan]) as stack:
+    """Run the part in the separate network, with the ROS of the argument; print figures as JSON."""
+    with RobotApart() as apart, temporary_stack([replace(apart.plan, ros=int(sys.argv[1]))]) as stack:
         figures = asyncio.run(cuts_of_the_robots_network(stack, apart))
     print(json.dumps([asdict(figure) for figure in figures]))
 

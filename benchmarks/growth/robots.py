@@ -14,6 +14,7 @@ from typing import NamedTuple
 from benchmarks.growth.console import SECONDS
 from benchmarks.harness import Figure
 from benchmarks.parts import process_stats
+from benchmarks.parts.with_ros2 import with_ros2
 from script.stack.client import Driver, sign_in
 from script.stack.database import with_tables
 from script.stack.processes import Child
@@ -37,8 +38,8 @@ def cost() -> Iterator[Figure]:
 
 def cost_of_ros2() -> Iterator[Figure]:
     """Measure one simulated robot with ROS 2."""
-    with temporary_stack([replace(ROBOT, ros=2)]) as stack:
-        yield from asyncio.run(_one(stack, "one robot with ROS 2", Limits(6.0, 150.0)))
+    limits = Limits(6.0, 150.0)
+    yield from with_ros2([replace(ROBOT, ros=2)], lambda stack: _one(stack, "one robot with ROS 2", limits))
 
 
 class Limits(NamedTuple):

@@ -49,6 +49,11 @@ def publisher(topic: str, kind: str, queue: int = 1) -> Any:
     return _nodes[0].create_publisher(type(message(kind)), topic, queue)
 
 
+def has_reader(publisher: Any) -> bool:
+    """Return whether somebody reads its topic."""
+    return bool(publisher.get_subscription_count())
+
+
 def subscribe(topic: str, kind: str, take: Callable[[Any], None], *, raw: bool = False) -> None:
     """Read a topic; `raw`: its bytes. Sensors may publish best effort, so they are read so."""
     quality = qos_profile_sensor_data if kind.startswith("sensor_msgs/") else 10

@@ -11,8 +11,12 @@ from typing import Any
 import rospy
 
 octets = bytes  # of pictures
-running = lambda: not rospy.is_shutdown()  # noqa: E731
 spin = rospy.spin
+
+
+def running() -> bool:
+    """Return whether this node has not ended."""
+    return not rospy.is_shutdown()
 
 
 def join(name: str) -> None:
@@ -30,6 +34,11 @@ def message(kind: str) -> Any:
 def publisher(topic: str, kind: str, queue: int = 1) -> Any:
     """Advertise a topic."""
     return rospy.Publisher(topic, type(message(kind)), queue_size=queue, tcp_nodelay=True)
+
+
+def has_reader(publisher: Any) -> bool:
+    """Return whether somebody reads its topic."""
+    return bool(publisher.get_num_connections())
 
 
 def subscribe(topic: str, kind: str, take: Callable[[Any], None], *, raw: bool = False) -> None:

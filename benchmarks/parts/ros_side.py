@@ -88,6 +88,8 @@ def pass_on_faults() -> None:
     publisher = ros.publisher("/ground_truth/fault", "std_msgs/String", 5)
     fault = ros.message("std_msgs/String")
     for line in sys.stdin:
+        while not ros.has_reader(publisher):  # before, it would be lost
+            time.sleep(0.01)
         fault.data = line.strip()
         publisher.publish(fault)
 

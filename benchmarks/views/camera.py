@@ -26,6 +26,7 @@ from benchmarks.parts.observer import Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.role_switch import role_switch
 from benchmarks.parts.viewer_crowd import Crowd
+from benchmarks.parts.with_ros2 import with_ros2
 from benchmarks.views.camera_page import (
     Measured,
     console_page,
@@ -66,8 +67,7 @@ def measure() -> list[Figure]:
         with temporary_stack((PLAN,)) as stack:
             figures += asyncio.run(measure_on(stack, parts))
     if "ros2" in parts:
-        with temporary_stack(BOTH) as stack:
-            figures += asyncio.run(compare_both(stack))
+        figures += with_ros2(BOTH, compare_both)
     return figures
 
 

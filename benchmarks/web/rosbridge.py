@@ -26,6 +26,7 @@ from benchmarks.parts import process_stats
 from benchmarks.parts.observer import Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say, prefer_witness
 from benchmarks.parts.viewer_crowd import Crowd
+from benchmarks.parts.with_ros2 import with_ros2
 from script.stack.client import Driver, open_socket, sign_in
 from script.stack.places import REPOSITORY
 from script.stack.stack import Stack, temporary_stack
@@ -54,8 +55,7 @@ def measure() -> list[Figure]:
         with temporary_stack(BARE_STICKS) as stack:
             figures += asyncio.run(measure_on(stack, parts))
     if "ros2" in parts:
-        with temporary_stack(BOTH) as stack:
-            figures += asyncio.run(compare_both(stack))
+        figures += with_ros2(BOTH, compare_both)
     return figures
 
 

@@ -122,14 +122,20 @@ class SimulatedRobot:
         """Return the environment of ROS programs of this robot."""
         inherited = {**self._stack.environment, "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug)}
         if self.domain is not None:
-            return inherited | ros_environment([MESSAGES, WHEELS]) | domain_environment(self.domain.number)
+            domain = domain_environment(self.domain.number, self.discovery.upper())
+            return inherited | ros_environment([MESSAGES, WHEELS]) | domain
         return {**inherited, "ROS_MASTER_URI": self.master_uri, "ROS_IP": self.plan.address}
+
+    @property
+    def discovery(self) -> str:
+        """Return where a robot of ROS 2 and its console look for each other."""
+        return "subnet" if self.plan.inside else "localhost"
 
     @property
     def reached(self) -> dict[str, str | int]:
         """Return the fields of the registry by which it is reached."""
         if self.domain is not None:
-            return {"domain_id": self.domain.number}
+            return {"domain_id": self.domain.number, "discovery": self.discovery}
         return {"master_uri": self.master_uri, "advertised_address": self.plan.console_address}
 
     def close(self) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from script.stack.client import sign_in
+from benchmarks.parts.observer import Observer
+from script.stack.client import Driver, sign_in
 from script.stack.smoke import drive_and_stop
 from script.stack.stack import MIXED_ROBOTS, Stack, temporary_stack
 from tests.ros2.side import needs_rclpy
@@ -23,6 +24,23 @@ def stack() -> Iterator[Stack]:
 
 def test_a_person_drives_it_a_metre_and_stops_it(stack: Stack) -> None:
     assert "stop pressed" in asyncio.run(drive_and_stop(stack, ROBOT.slug))
+
+
+async def test_it_stops_when_its_laser_dies(stack: Stack) -> None:
+    slug = ROBOT.slug
+    async with (
+        Observer(stack.robots[slug]) as seen,
+        Driver(stack, slug, sign_in(stack, "operator")) as driver,
+    ):
+        await driver.until(lambda: driver.state)
+        await driver.take()
+        if driver.state and driver.state.stop.state != "clear":
+            await driver.clear()
+        await driver.hold_stick(0.0, 0.5, until=lambda: any(command.w for command in seen.commands))
+        await seen.cause("laser_dead")
+        seen.forget()
+        await driver.hold_stick(0.0, 0.5, until=lambda: any(command.still for command in seen.commands))
+        await seen.cause("none")
 
 
 async def test_its_camera_is_shown_with_lens_and_place(stack: Stack) -> None:

@@ -1,7 +1,7 @@
 """``manage.py seed_demo FILE``: the simulated robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri", or "domain_id" of a robot with ROS 2, "advertised_address",
-"stick", "rear_camera", "camera"}],
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", or "domain_id" and "discovery" of a robot with ROS 2,
+"advertised_address", "stick", "rear_camera", "camera"}],
 "accounts": [{"username", "role", "password"}]}, and optionally "students" for `seed_demo_week`.
 A new robot gets a small allow-list for practice. A second run updates only the robots' masters and domains.
 Prints {slug: path of the bridge's socket}.
@@ -79,6 +79,7 @@ class PracticeRobot(Struct, frozen=True):
     name: str
     master_uri: str | None = None
     domain_id: int | None = None  # of a robot with ROS 2, which has no master
+    discovery: str = "localhost"
     advertised_address: str = ""
     stick: list[Any] | None = None
     rear_camera: bool = False
@@ -154,7 +155,7 @@ def _reached(planned: PracticeRobot) -> dict[str, Any]:
     """Return the fields by which the robot is reached, which may change from run to run."""
     if planned.domain_id is None:
         return {"master_uri": planned.master_uri}
-    return {"domain_id": planned.domain_id, "discovery": "localhost"}
+    return {"domain_id": planned.domain_id, "discovery": planned.discovery}
 
 
 def seed_map(robots: list[Robot]) -> None:
