@@ -1,21 +1,21 @@
 """The robot's side of a benchmark: a process of rospy or rclpy, independent of the console.
 
-`command` runs it, with ROS 1 by the distribution's Python. Roles:
+`observer.ros_side` makes its command, with ROS 1 for the distribution's Python: ros_side LIBRARY ROLE. Roles:
 
-    ros_side.py observe [odometry] [scan] [goals] [truth]
-                                     a line for each message: kind, arrival (monotonic ns), values; each line of stdin
-                                     is a fault for the simulated robot
-    ros_side.py publish              Twists at 50 Hz to /bench_bare, each with its time of sending
-    ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
-    ros_side.py watch_map            reads the bytes of this map, as a display does
-    ros_side.py many                 500 topics without messages
-    ros_side.py watch_camera         subscribes to the head camera, so that it takes pictures all the time
-    ros_side.py laser                scans of 666 beams to /bench_laser, 15 a second
-    ros_side.py grid                 a map of 1000 x 1000 cells to /bench_grid, once a second
-    ros_side.py picture              a raw picture of 640 x 480 to /bench_picture, 30 a second
-    ros_side.py picture_20           the same, 20 a second
-    ros_side.py jpeg                 60 kB as a JPEG has them to /bench_jpeg, 30 a second
-    ros_side.py tiny                 headers to /bench_tiny, 10,000 a second
+    observe [odometry] [scan] [goals] [truth]
+                         a line for each message: kind, arrival (monotonic ns), values; each line of stdin
+                         is a fault for the simulated robot
+    publish              Twists at 50 Hz to /bench_bare, each with its time of sending
+    map                  a map of 1000 x 1000 cells to /map, once a second
+    watch_map            reads the bytes of this map, as a display does
+    many                 500 topics without messages
+    watch_camera         subscribes to the head camera, so that it takes pictures all the time
+    laser                scans of 666 beams to /bench_laser, 15 a second
+    grid                 a map of 1000 x 1000 cells to /bench_grid, once a second
+    picture              a raw picture of 640 x 480 to /bench_picture, 30 a second
+    picture_20           the same, 20 a second
+    jpeg                 60 kB as a JPEG has them to /bench_jpeg, 30 a second
+    tiny                 headers to /bench_tiny, 10,000 a second
 
 The last six have the time of sending (monotonic) as their stamp.
 """
