@@ -566,11 +566,11 @@ def test_all_parameters_are_read_at_once(inspector):
 
 def test_a_parameter_is_deleted_only_from_the_allow_list(inspector):
     rospy.set_param("/farewell", "bye")
-    rospy.set_param("/kitchen_light", True)
+    rospy.set_param("/kitchen_lamp", True)
     assert inspector.ask(wire.DeleteParameter("/farewell")).value is None
     assert not rospy.has_param("/farewell")
     assert inspector.ask(wire.DeleteParameter("/farewell")).refusal.code == "no_parameter"
-    assert inspector.ask(wire.DeleteParameter("/kitchen_light")).refusal.code == "not_allowed"
+    assert inspector.ask(wire.DeleteParameter("/kitchen_lamp")).refusal.code == "not_allowed"
     rospy.set_param("/hall", {"light": 1, "robot_description": "<robot/>"})
     assert inspector.ask(wire.DeleteParameter("/hall")).refusal.code == "not_allowed"
     rospy.delete_param("/hall")
