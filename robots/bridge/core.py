@@ -575,11 +575,11 @@ class Core:
             self._base.take_waiting()
 
     def _zero(self, code: str, reason: Sentence, now_s: float) -> None:
-        self._rests = False
         self._stop_until_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
+        self._end_rest()
 
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish the present twist. Return the refusal of an input that asks for motion, if any."""

@@ -62,7 +62,6 @@ WATCHED_S, REST_S = 0.1, 0.2
 # still come every `TICK_S`
 HELD_S, HELD_MAIL_S = 0.2, 0.1
 SENT_S = 0.002  # after the begin of a drive was asked for: its request is on its way to the records process
-_VIEW_HELD_S = 0.2 - TICK_S / 2.0  # between views of a robot that rests
 _VIEW_GAP_S = 0.05  # while a page watches: a view with each scan, at most this often
 _VIEW_LATEST_S = 0.15  # and at least this often, also without scans
 PATH_GAP_S = 1.0
@@ -321,8 +320,6 @@ class Bridge:
     def _view(self, gap_s: float) -> None:
         """Send a view to links with watchers, unless the last one is younger than `gap_s`."""
         now_s = time.monotonic()
-        if self._core.rests:
-            gap_s = _VIEW_HELD_S
         looked_at = [link for link in self._links.links if link.watchers]
         records = self._recorder.wants_view
         if not (looked_at or records) or now_s - self._viewed_s < gap_s:

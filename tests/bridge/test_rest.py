@@ -175,6 +175,7 @@ def test_what_ends_or_pauses_control_ends_the_rest(room, end):
     else:
         room.core.revoke(1, "enough", room.now_s)
     assert not room.core.rests
+    assert room.wakes, "what waits is taken soon, after zero was sent"
     room.core.tick(room.now_s)
     assert room.core.rests == (end == "lost page")
 

@@ -37,9 +37,8 @@ class Reception:
         self._charge = BatteryCharge()
         self.moves = True  # by the last odometry
         self.watched = False  # somebody looks at views
-        self.undecoded: list[
-            Call
-        ] = []  # each takes what a sensor keeps undecoded while the robot rests, on the loop
+        # Each takes, on the loop, what a sensor keeps undecoded during a rest
+        self.undecoded: list[Call] = []
         self._standing = Standing()
         self.mail = Mailboxes(self.post, lambda: self.core.needs_fresh_sensors, speaker)
         self.core: Core

@@ -74,9 +74,7 @@ class DepthReception:
         self._reader = reader
         self._info: tuple[int, int, Lens] | None = None  # width and height of its pictures, lens
         self._taken_s = float("-inf")
-        self._waiting: deque[_Shot] = deque(
-            maxlen=1
-        )  # the newest one, if it came after the last that was taken
+        self._waiting: deque[_Shot] = deque(maxlen=1)  # the newest, if it came after the last one taken
         reception.undecoded.append(self.take_waiting)
 
     def learn(self, raw: bytes) -> None:
