@@ -230,7 +230,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
     return RobotFacts(
         slug=robot.slug,
         name=robot.name,
-        profile=robot.profile.name,
+        profile=robot.profile.kind,
         practice=robot.practice,
         holonomic=robot.profile.holonomic,
         limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),

@@ -219,6 +219,11 @@ class RobotProfile(models.Model):
     def __str__(self) -> str:
         return self.name
 
+    @property
+    def kind(self) -> str:
+        """Return the name without its ROS: pages show that beside the name of the robot."""
+        return self.name.removesuffix(f" ({self.get_ros_display()})")
+
     def clean(self) -> None:
         """Raise `ValidationError` if a structured part is wrong, or fields do not fit together."""
         errors: dict[str, list[str]] = {}
