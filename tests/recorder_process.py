@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import threading
+import time
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid4
@@ -13,7 +15,18 @@ import msgspec
 from mcap.reader import SeekingReader, make_reader
 from msgspec.structs import replace
 
-from robots.bridge.recorder.recorder_messages import Begin, Begun, End, Finished, Progress, RecorderReport
+from robots.bridge.recorder.recorder_messages import (
+    COMMAND,
+    Begin,
+    Begun,
+    Command,
+    End,
+    Finished,
+    InControl,
+    Progress,
+    RecorderReport,
+    Said,
+)
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace
 from robots.shared.configuration.robot_ros import side_command
@@ -104,6 +117,28 @@ class RecorderProcess:
     @property
     def progress(self) -> Progress:
         return self.waits(Progress)
+
+
+def said(fence: int) -> Said:
+    """Return a stick position of a control session, as the bridge tells it."""
+    command = Command(wire.Drive(fence, 1, 0.0, x=0.5, w=0.0))
+    return Said(COMMAND, time.monotonic_ns(), msgspec.Raw(wire.encode(command)))
+
+
+def ends_with_its_robot(recorder: RecorderProcess, lose: Callable[[], object]) -> None:
+    """Check that the recordings of a robot that leaves are finished, and that this ends the recorder."""
+    recorder.say(InControl("person-1", "session-1"))
+    until(lambda: recorder.progress.black_box, "the black box")
+    recording = recorder.begins("pictures_not")
+    recorder.say(said(5))
+    lose()
+    assert recorder.finished(recording).ended_by == "The connection to the robot’s ROS was lost."
+    box = recorder.waits(Finished, lambda one: one.taken.kind == "black_box").taken
+    assert [event.event for event in box.events] == ["fault"]
+    for taken in (box, recorder.finished(recording)):
+        assert COMMAND in messages_of(recorder.directory / taken.name)
+    assert recorder.process.wait(PATIENCE_S) == 1
+    recorder.kill()
 
 
 def messages_of(path: Path) -> dict[str, list[tuple[str, bytes]]]:

@@ -20,9 +20,10 @@ from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment,
 from robots.shared.wire import BlackBoxState
 from tests.bridge.support import CONFIG
 from tests.processes import PATIENCE_S, until
-from tests.recorder_process import RecorderProcess
+from tests.recorder_process import RecorderProcess, ends_with_its_robot
+from tests.ros2.conftest import free_domain
 from tests.ros2.side import Side, needs_rclpy
-from tests.ros2.test_simulator import Visitor, robot  # noqa: F401  (it runs for this module too)
+from tests.ros2.test_simulator import OPTIONS, Visitor, robot  # noqa: F401  (it runs for this module too)
 
 ODOMETRY, MAP, CAMERA = "/mobile_base_controller/odom", "/map", "/xtion/rgb/image_raw/compressed"
 
@@ -31,13 +32,17 @@ pytestmark = needs_rclpy
 
 @pytest.fixture(scope="module")
 def recorder(domain: int, robot: Side, short_folder: Path):  # noqa: F811
-    config = replace(
-        CONFIG, ros=Ros2(domain_id=domain, discovery="localhost"), state_dir=str(short_folder / "state")
-    )
-    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
-    process = RecorderProcess(config, environment, short_folder)
+    process = recorder_in(domain, short_folder)
     yield process
     process.stop()
+
+
+def recorder_in(domain: int, folder: Path) -> RecorderProcess:
+    config = replace(
+        CONFIG, ros=Ros2(domain_id=domain, discovery="localhost"), state_dir=str(folder / "state")
+    )
+    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
+    return RecorderProcess(config, environment, folder)
 
 
 def read_by_rosbag2(path: Path, topic: str) -> list[bytes]:
@@ -84,6 +89,15 @@ def test_a_pressed_bumper_is_an_event_and_others_topics_are_found(
     topics = {one.topic for one in recorder.finishes(recording).topics}
     assert {"/bumper_front", "/tf", "/scan_raw"} <= topics and CAMERA not in topics
     assert not [topic for topic in topics if "/_action/" in topic]
+
+
+def test_recordings_end_with_the_robot(tmp_path: Path) -> None:
+    with free_domain() as domain:
+        robot = Side("robots.simulator", domain, *OPTIONS)
+        try:
+            ends_with_its_robot(recorder_in(domain, tmp_path), robot.close)
+        finally:
+            robot.close()
 
 
 def box(recorder: RecorderProcess) -> BlackBoxState:

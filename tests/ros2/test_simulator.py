@@ -9,6 +9,7 @@ from tests.ros2.side import Side, needs_rclpy
 
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 ODOMETRY = "/mobile_base_controller/odom"
+OPTIONS = ("--ros=2", "--name=tiago-9", "--pose=2,1.8,0", "--seed=1", "--drift=0", "--exit-with-parent")
 
 pytestmark = needs_rclpy
 
@@ -30,8 +31,7 @@ class Visitor(Side):
 
 @pytest.fixture(scope="module", autouse=True)
 def robot(domain: int):
-    options = ("--ros=2", "--name=tiago-9", "--pose=2,1.8,0", "--seed=1", "--drift=0", "--exit-with-parent")
-    side = Side("robots.simulator", domain, *options)
+    side = Side("robots.simulator", domain, *OPTIONS)
     yield side
     side.close()
 

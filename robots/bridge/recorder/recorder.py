@@ -481,17 +481,23 @@ class Recorder:
 
     def lost_robot(self) -> None:
         """Keep what was before the loss of the robot."""
-        self._keep(Happened("fault", time.monotonic_ns(), say("The connection to the robot’s ROS was lost.")))
+        text = say("The connection to the robot’s ROS was lost.")
+        self._keep(Happened("fault", time.monotonic_ns(), text))
+        self._end_takes(text)
 
     def close(self, within_s: float) -> None:
         """Finish what goes on: this process ends."""
-        with self._lock:
-            takes = list(self._takes)
-        for take in takes:
-            take.end(say("Its recorder ended."))
+        takes = self._end_takes(say("Its recorder ended."))
         until_s = time.monotonic() + within_s
         for take in takes:
             take.join(max(until_s - time.monotonic(), 0.0))
+
+    def _end_takes(self, why: str) -> list[Take]:
+        with self._lock:
+            takes = list(self._takes)
+        for take in takes:
+            take.end(why)
+        return takes
 
 
 def _is_recorded(origin: Origin, order: wire.LinkRecord) -> bool:

@@ -23,14 +23,9 @@ from robots.bridge.recorder.recorder_messages import (
     Said,
 )
 from robots.shared import wire
-from tests.processes import PATIENCE_S, until
-from tests.recorder_process import RecorderProcess, messages_of
+from tests.processes import until
+from tests.recorder_process import RecorderProcess, ends_with_its_robot, messages_of, said
 from tests.ros.bridge_support import tiago_config
-
-
-def said(fence: int) -> Said:
-    command = Command(wire.Drive(fence, 1, 0.0, x=0.5, w=0.0))
-    return Said(COMMAND, time.monotonic_ns(), msgspec.Raw(wire.encode(command)))
 
 
 def test_a_recording_has_its_topics_and_the_chain(recorder, publish) -> None:
@@ -130,15 +125,7 @@ def test_a_bumper_that_is_pressed_is_an_event(recorder, publish) -> None:
     until(lambda: recorder.progress.black_box.keeps == "contact", "the contact")
 
 
-def test_a_lost_master_is_a_fault_that_is_kept(make_master, tmp_path: Path) -> None:
+def test_recordings_end_with_the_master(make_master, tmp_path: Path) -> None:
     master = make_master()
     recorder = RecorderProcess(tiago_config(master, tmp_path), master.environment(), tmp_path)
-    recorder.say(InControl("person-1", "session-1"))
-    until(lambda: recorder.progress.black_box, "the black box")
-    recorder.say(said(5))
-    master.kill()
-    taken = recorder.waits(Finished).taken
-    assert [event.event for event in taken.events] == ["fault"]
-    assert COMMAND in messages_of(recorder.directory / taken.name)
-    assert recorder.process.wait(PATIENCE_S) == 1
-    recorder.kill()
+    ends_with_its_robot(recorder, master.kill)

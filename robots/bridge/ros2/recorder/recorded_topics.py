@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import logging
+import os
+import time
 from collections.abc import Callable
 
 from robots.bridge.ros2.inspector import graph
+from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.network.survey import is_there
 from robots.bridge.ros2.raw_topic import RawTopic, RawTopics
 from robots.bridge.tap.raw_topic import Take
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import RECORDER, SystemState
+from robots.shared.processes.vital import start_vital
+
+log = logging.getLogger(__name__)
 
 QUEUE = 100  # messages of a topic that wait for the executor
+FOUND_S = 6.0  # until a robot that is there has been found
+GONE_S = 2.0  # a robot of which nothing is there for so long has left
+LOOK_S = 0.2
 
 
 class RecordedTopics:
@@ -20,6 +31,8 @@ class RecordedTopics:
 
     def __init__(self, config: BridgeConfig) -> None:
         self._topics = RawTopics(config, RECORDER)
+        self._graph = Graph(self._topics.participant.node)
+        self._config = config.topics
 
     def listen(self, topic: str, take: Take, *, thins: bool) -> RawTopic:
         return self._topics.listen(topic, take, 1 if thins else QUEUE)
@@ -30,7 +43,38 @@ class RecordedTopics:
     def leave(self) -> None:
         self._topics.leave()
 
+    def await_robot(self) -> bool:
+        """Return whether the robot is there."""
+        until_s = time.monotonic() + FOUND_S
+        while not self._is_there():
+            if time.monotonic() > until_s:
+                return False
+            time.sleep(LOOK_S)
+        return True
+
+    def await_its_end(self) -> None:
+        """Wait until the robot has left."""
+        seen_s = time.monotonic()
+        while time.monotonic() < seen_s + GONE_S:
+            time.sleep(LOOK_S)
+            if self._is_there():
+                seen_s = time.monotonic()
+
+    def _is_there(self) -> bool:
+        return is_there(self._graph, self._config, self._config.drive.name)
+
 
 def joined(config: BridgeConfig, at_end: Callable[[], object]) -> RecordedTopics:
-    """Join the robot's domain, which no robot's death ends: `at_end` is never called."""
-    return RecordedTopics(config)
+    """Join the robot. `at_end` is called before the process ends with the robot."""
+    topics = RecordedTopics(config)
+    if not topics.await_robot():
+        raise SystemExit("nothing of this robot is in its domain")
+
+    def end_with_the_robot() -> None:
+        topics.await_its_end()
+        log.warning("nothing of this robot is in its domain any more")
+        at_end()
+        os._exit(1)
+
+    start_vital(end_with_the_robot, "robot")
+    return topics
