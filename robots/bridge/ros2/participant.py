@@ -31,11 +31,9 @@ from robots.shared.unreachable import Unreachable
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 0.02  # between looks for a service or for nodes
+LOOK_S = 0.02  # between looks for a service
 WORKED_S = 10.0  # an executor that ran for so long works
 MOST_FAILURES = 20  # in a row
-FOUND_S = 1.5  # until the robot's nodes must have been found
-QUIET_S = 0.3  # without a new node: then all have been found
 
 # The survey tells of QoS that does not fit. rclpy's own handlers fail when a subscription ends on another thread.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -91,17 +89,6 @@ class Participant:
     def start(self) -> None:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
-
-    def find_nodes(self) -> None:
-        """Wait for the first answers of the domain, so that the first look sees the robot; `FOUND_S` at most."""
-        begin_s = changed_s = time.monotonic()
-        count = alone = 1
-        while (now_s := time.monotonic()) < begin_s + FOUND_S:
-            if count > alone and now_s >= changed_s + QUIET_S:
-                return
-            time.sleep(LOOK_S)
-            found = len(self.node.get_node_names())
-            count, changed_s = (count, changed_s) if found == count else (found, time.monotonic())
 
     def listen(
         self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile, largest: int | None = None

@@ -16,6 +16,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown
 from robots.bridge.ros2.network.graph import node_name
+from robots.bridge.ros2.network.survey import find_robot
 from robots.bridge.ros2.participant import Participant, Subscription
 from robots.bridge.ros2.qos import kept
 from robots.bridge.ros2.sizes import MB
@@ -48,7 +49,7 @@ class RawTopics:
         self._lock = threading.Lock()
         self._topics: list[RawTopic] = []
         self._participant.start()
-        self._participant.find_nodes()
+        self.found = find_robot(self._participant, config.topics)  # whether the robot is there
         start_vital(self._follow_publishers, "publishers")
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 from robots.bridge.ros2.inspector import graph, services
 from robots.bridge.ros2.inspector.node import Node, known
 from robots.bridge.ros2.inspector.parameters import Parameters
+from robots.bridge.ros2.network.survey import find_robot
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.declined import Declined
@@ -28,7 +29,7 @@ class Ros2:
         self._participant.start()
         self._node = self._participant.node
         self._parameters = Parameters(self._participant)
-        self._participant.find_nodes()
+        find_robot(self._participant, config.topics)
 
     def join(self) -> Node:
         """Return the node, which is there already."""

@@ -11,13 +11,35 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robots.bridge.ros2.network.graph import Graph, node_name
+from robots.bridge.ros2.participant import Participant
 from robots.shared.configuration.bridge_config import Topic, Topics
 from robots.shared.graph import is_own
 from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
+FOUND_S = 4.0  # until a robot that is there has been found, also by a busy computer
+QUIET_S = 0.3  # without anything new in the domain: then all has been found
+FIND_S = 0.02  # between two looks for it
 LOOK_S, SOON_S = 1.0, 0.03  # between two looks at listeners whose number stays; changes
+
+
+def find_robot(participant: Participant, topics: Topics) -> bool:
+    """Wait until the robot was found with all that it has, `FOUND_S` at most. Return whether it is there."""
+    node, graph = participant.node, Graph(participant.node)
+    count, changed_s = 0, (begin_s := time.monotonic())
+    while (now_s := time.monotonic()) < begin_s + FOUND_S:
+        listed = (
+            node.get_node_names(),
+            node.get_topic_names_and_types(),
+            node.get_service_names_and_types(),
+        )
+        if (found := sum(map(len, listed))) != count:
+            count, changed_s = found, now_s
+        elif now_s >= changed_s + QUIET_S and is_there(graph, topics, topics.drive.name):
+            return True
+        time.sleep(FIND_S)
+    return is_there(graph, topics, topics.drive.name)
 
 
 def is_there(graph: Graph, topics: Topics, drive: str) -> bool:

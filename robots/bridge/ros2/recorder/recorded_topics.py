@@ -19,7 +19,6 @@ from robots.shared.processes.vital import start_vital
 log = logging.getLogger(__name__)
 
 QUEUE = 100  # messages of a topic that wait for the executor
-FOUND_S = 6.0  # until a robot that is there has been found
 GONE_S = 2.0  # a robot of which nothing is there for so long has left
 LOOK_S = 0.2
 
@@ -32,7 +31,7 @@ class RecordedTopics:
     def __init__(self, config: BridgeConfig) -> None:
         self._topics = RawTopics(config, RECORDER)
         self._graph = Graph(self._topics.participant.node)
-        self._config = config.topics
+        self._robots = config.topics
 
     def listen(self, topic: str, take: Take, *, thins: bool) -> RawTopic:
         return self._topics.listen(topic, take, 1 if thins else QUEUE)
@@ -43,31 +42,24 @@ class RecordedTopics:
     def leave(self) -> None:
         self._topics.leave()
 
-    def await_robot(self) -> bool:
-        """Return whether the robot is there."""
-        until_s = time.monotonic() + FOUND_S
-        while not self._is_there():
-            if time.monotonic() > until_s:
-                return False
-            time.sleep(LOOK_S)
-        return True
+    @property
+    def found(self) -> bool:
+        """Whether the robot was there at the beginning."""
+        return self._topics.found
 
     def await_its_end(self) -> None:
         """Wait until the robot has left."""
         seen_s = time.monotonic()
         while time.monotonic() < seen_s + GONE_S:
             time.sleep(LOOK_S)
-            if self._is_there():
+            if is_there(self._graph, self._robots, self._robots.drive.name):
                 seen_s = time.monotonic()
-
-    def _is_there(self) -> bool:
-        return is_there(self._graph, self._config, self._config.drive.name)
 
 
 def joined(config: BridgeConfig, at_end: Callable[[], object]) -> RecordedTopics:
     """Join the robot. `at_end` is called before the process ends with the robot."""
     topics = RecordedTopics(config)
-    if not topics.await_robot():
+    if not topics.found:
         raise SystemExit("nothing of this robot is in its domain")
 
     def end_with_the_robot() -> None:
