@@ -131,6 +131,7 @@ class Watchdog:
             # Keep the pace; missed zeros are not sent later
             self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)
             if self._robot.zero():
+                self._rules.reached(now_s)
                 self._answer(now_s)
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s

@@ -17,7 +17,9 @@ SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop 
 # s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
 LOST_S = 1.0
 CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
-QUIET_AFTER_S = 1.0  # s: zeros are repeated for this time if the robot was driven and is not stopped
+# s: if the robot was driven and is not stopped, zeros are repeated for this time after the first that reached it. If
+# none does, because the watchdog has just started or is not found yet, they end after the longer time.
+QUIET_AFTER_S, REACHES_S = 1.0, 10.0
 
 
 class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
@@ -60,6 +62,7 @@ class StopRules:
         self.own = kept  # the newest stop that no bridge has taken yet
         self._beat = before or Heartbeat()
         self._beat_s = float("-inf")
+        self._reached_s = float("inf")  # when the first zero since then reached the robot
         self._bridge_lives = False
 
     @property
@@ -93,7 +96,7 @@ class StopRules:
 
     def beat(self, beat: Heartbeat, now_s: float) -> StopPress | None:
         """Take a heartbeat. Return a stop that the bridge has not taken yet."""
-        self._beat, self._beat_s = beat, now_s
+        self._beat, self._beat_s, self._reached_s = beat, now_s, float("inf")
         if self.own is not None and beat.heard == self.own.number:
             self.own = None
         return self.own
@@ -104,9 +107,14 @@ class StopRules:
         If a person drove, zeros are published for `QUIET_AFTER_S`; if navigation drove, until a bridge is
         back.
         """
-        silent_s = now_s - self._beat_s - SILENT_S
-        driving = self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S
+        silent_s = self._beat_s + SILENT_S
+        until_s = min(self._reached_s + QUIET_AFTER_S, silent_s + REACHES_S)
+        driving = self._beat.publishing and silent_s <= now_s < until_s
         return self.latched or driving or self._unwatched(now_s)
+
+    def reached(self, now_s: float) -> None:
+        """Note that a zero reached the robot."""
+        self._reached_s = min(self._reached_s, now_s)
 
     def _unwatched(self, now_s: float) -> bool:
         """Return whether navigation may drive the robot while no bridge watches it."""

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.watchdog.rules import LOST_S, QUIET_AFTER_S, SILENT_S, Heartbeat, StopPress, StopRules
+from robots.bridge.watchdog.rules import (
+    LOST_S,
+    QUIET_AFTER_S,
+    REACHES_S,
+    SILENT_S,
+    Heartbeat,
+    StopPress,
+    StopRules,
+)
 
 DRIVING = Heartbeat(publishing=True, drive="/key_vel")
 STOPPED = Heartbeat(publishing=True, latched=True, by="Ann", reason="smoke", drive="/key_vel")
@@ -48,8 +56,21 @@ def test_a_bridge_that_has_not_heard_of_a_stop_does_not_clear_it(rules: StopRule
 def test_a_silent_bridge_that_drove_gives_zeros_for_a_moment(rules: StopRules) -> None:
     assert not rules.zeros(10.0 + 0.9 * SILENT_S)
     assert rules.zeros(10.0 + SILENT_S + 0.01)
-    assert rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S - 0.01)
-    assert not rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S + 0.01)
+    rules.reached(10.0 + SILENT_S + 0.01)
+    assert rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S)
+    assert not rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S + 0.02)
+
+
+def test_zeros_that_do_not_reach_the_robot_go_on_for_a_while(rules: StopRules) -> None:
+    """The robot is found late, or the watchdog is late itself: the last heartbeat is old by then."""
+    rules.bridge_gone(10.1)
+    assert rules.zeros(13.0)
+    rules.reached(13.0)
+    assert rules.zeros(13.9) and not rules.zeros(14.1)
+    rules.bridge_came(20.0)
+    rules.beat(DRIVING, 20.0)
+    rules.bridge_gone(20.1)
+    assert rules.zeros(22.0) and not rules.zeros(20.1 + REACHES_S + 0.01)
 
 
 def test_a_bridge_that_ends_is_silent_at_once(rules: StopRules) -> None:
