@@ -27,9 +27,9 @@ log = logging.getLogger(__name__)
 NICE = ("nice", "-n", "10")
 END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
-AGAIN_S = 60.0  # the same after a failure
+AGAIN_S = 60.0  # the same after a second failure
 WATCHED_S = 10.0  # the same while the robot drives to a place of the map
-# the same after the first failure during such a drive, and while a restarted robot has no map yet
+# the same after the first failure, because nodes of ROS 2 may be found late, and while a restarted robot has no map yet
 DOUBTED_S = 2.0
 RESTARTS_S = 60.0  # a robot needs less for that
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
@@ -57,9 +57,9 @@ _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
 class MapFetcher:
     """Fetches maps; runs on the event loop.
 
-    `keep` receives each fetched map and must not block. `gone` receives the reason why there is no map; if
-    there was one before, only if the reason is certain, or after the second failure in a row. A restarted robot
-    has time to publish its map, unless it drives to a place.
+    `keep` receives each fetched map and must not block. `gone` receives the reason why there is no map: if the
+    reason is certain, or after the second failure in a row. A restarted robot has time to publish its map, unless it
+    drives to a place.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class MapFetcher:
         self._keep = keep
         self._command = command or (*NICE, *side_command(config.ros, "sensors.map"))
         self._gone = gone
-        self._failed = True  # whether the last fetch found no map
+        self._failed = False  # whether the last fetch found no map
         self._watched = False
         self._fence: int | None = None  # control session of the last fetch
         self._run = 0  # of the robot
@@ -128,7 +128,7 @@ class MapFetcher:
         restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S
         if is_certain or (self._failed and (self._watched or not restarts)):
             self._gone(why)
-        if restarts or (self._watched and not self._failed):
+        if restarts or not self._failed:
             self._due_s = now_s + DOUBTED_S
         self._failed = True
 

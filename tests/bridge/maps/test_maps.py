@@ -138,6 +138,15 @@ async def test_a_known_map_is_gone_after_two_failed_fetches(answer, words, taker
     assert taker.gone == [words]
 
 
+async def test_a_map_that_is_not_found_at_first_is_looked_for_soon(taker):
+    """On a busy computer, the map's node is found late. Until then, nobody says that the robot has none."""
+    taker.answers(NoMap("nobody publishes it"))
+    await taker.tick(7, 0.0)
+    taker.answers(TAKEN)
+    await taker.tick(7, map_fetch.DOUBTED_S)
+    assert (taker.gone, taker.kept) == ([], [TAKEN])
+
+
 async def test_a_known_map_is_gone_at_once_for_a_certain_reason(taker):
     await taker.tick(7, 0.0)
     taker.answers(NoMap("two nodes publish different maps", is_certain=True))
