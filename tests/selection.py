@@ -64,7 +64,10 @@ def is_long(test: str) -> bool:
 
 
 def shuffle(items: list[pytest.Item], seed: int) -> None:
-    """Put the files in random order, and the tests of each: tests of a file share consoles and robots."""
+    """Put the files in random order, and the tests of each: tests of a file share consoles and robots.
+
+    A test that ends what they share is marked `last`.
+    """
     dice = random.Random(seed)  # noqa: S311 - an order, no secret
     files: dict[Path, list[pytest.Item]] = {}
     for item in items:
@@ -73,4 +76,5 @@ def shuffle(items: list[pytest.Item], seed: int) -> None:
     dice.shuffle(order)
     for tests in order:
         dice.shuffle(tests)
+        tests.sort(key=lambda test: test.get_closest_marker("last") is not None)
     items[:] = [item for tests in order for item in tests]

@@ -30,7 +30,11 @@ def test_a_name_covers_its_cases_and_what_a_folder_holds() -> None:
 
 def test_a_shuffled_run_keeps_files_together_and_comes_again() -> None:
     tests = [
-        SimpleNamespace(path=Path(f"test_{file}.py"), number=number) for file in "abc" for number in range(9)
+        SimpleNamespace(
+            path=Path(f"test_{file}.py"), number=number, get_closest_marker=lambda _, last=number == 4: last or None
+        )
+        for file in "abc"
+        for number in range(9)
     ]
     first, second = list(tests), list(tests)
     shuffle(first, 5)  # type: ignore[arg-type]
@@ -38,3 +42,4 @@ def test_a_shuffled_run_keeps_files_together_and_comes_again() -> None:
     assert first == second != tests
     files = [test.path for test in first]
     assert sum(a != b for a, b in pairwise(files)) == 2
+    assert [test.number for test in first[8::9]] == [4, 4, 4]  # each is the last of its file

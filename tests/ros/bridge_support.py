@@ -249,6 +249,12 @@ class Hand:
         state: wire.State = report.state
         return state
 
+    def news(self) -> wire.State:
+        """Forget the reports so far, and wait for the next state."""
+        with self._news:
+            self._reports.clear()
+        return self.state_until(lambda state: True, "a state")
+
     def drive_until(
         self, x: float, condition: Callable[[wire.State], Any], what: str, y: float = 0.0
     ) -> wire.State:

@@ -1,6 +1,7 @@
 """A plain rclpy client of a robot. Each line of stdin is a command in JSON; each answer is a word and JSON in a line.
 
 {"listen": TOPIC, "kind": KIND, "kept": BOOL, "sensor": BOOL}   -> TOPIC MESSAGE, for each message
+{"publishers": TOPIC, "count": COUNT}                           -> publishers COUNT, when so many have found it
 {"publish": TOPIC, "kind": KIND, "fields": …}                   -> nothing; sent when somebody listens
 {"goal": ACTION, "kind": KIND, "fields": …}                     -> accepted BOOL, feedback MESSAGE, ended […]
 {"cancel": ACTION}                                              -> cancelled COUNT, of all goals of all clients
@@ -61,6 +62,7 @@ class Visitor:
     def __init__(self) -> None:
         rclpy.init()
         self.node = rclpy.create_node(sys.argv[2] if len(sys.argv) > 2 else "visitor")
+        self._listeners: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
         self._actions: dict[str, ActionClient] = {}
 
@@ -70,15 +72,20 @@ class Visitor:
             durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
             reliability=ReliabilityPolicy.BEST_EFFORT if sensor else ReliabilityPolicy.RELIABLE,
         )
-        self.node.create_subscription(
+        self._listeners[topic] = self.node.create_subscription(
             interface(kind), topic, lambda message: tell(topic, plain(message)), profile
         )
+
+    def publishers(self, topic: str, count: int) -> None:
+        listener = self._listeners[topic]
+        self._await(lambda: listener.get_publisher_count() >= count, f"{count} publishers on {topic}")
+        tell("publishers", listener.get_publisher_count())
 
     def publish(self, topic: str, kind: str, fields: dict[str, Any]) -> None:
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(interface(kind), topic, 1)
         publisher = self._publishers[topic]
-        self._await(lambda: publisher.get_subscription_count() > 0, topic)
+        self._await(lambda: publisher.get_subscription_count() > 0, f"a listener to {topic}")
         publisher.publish(filled(interface(kind)(), fields))
 
     def goal(self, action: str, kind: str, fields: dict[str, Any]) -> None:
@@ -136,7 +143,7 @@ class Visitor:
             if condition():
                 return
             waiting.wait(0.02)  # DDS tells nobody
-        raise AssertionError(f"nobody listens to {what}")
+        raise AssertionError(f"not found: {what}")
 
 
 def main() -> None:

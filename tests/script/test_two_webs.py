@@ -14,6 +14,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from robots.shared import wire
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
 from script.stack.client import Driver, sign_in
@@ -148,8 +150,8 @@ async def came(client: RosbridgeClient, op: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.last  # Redis and the second web process die
 def test_control_and_stop_are_the_same_through_either(house: House) -> None:
-    """The last test: Redis and the second web process die."""
     asyncio.run(meet(house))
 
 

@@ -412,10 +412,13 @@ def held_stick(bench: Bench, seconds: float) -> Refusal | None:
 
 def test_on_a_full_disk_nothing_moves_until_there_is_space(bench: Bench, disk: Disk) -> None:
     disk.fill()
-    refusal = held_stick(bench, 0.2)
+    bench.stick(0.5)
+    bench.recorded()
+    refusal = bench.stick(0.5)
     assert refusal is not None
     assert refusal.code == "not_recorded"
     assert "the disk of the database is full" in refusal.text
+    held_stick(bench, 0.2)
     assert set(bench.base.sent) == {STILL}
     assert not Record.objects.filter(kind="drive.start").exists()
     disk.free()

@@ -29,19 +29,20 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
         lambda state: state.location and not state.location.problem, "a robot that knows where it is"
     )
     pause(traveller, 0.5)
-    seq = traveller.go(3.4, 1.8, 1.0)
+    seq = traveller.go_away((3.4, 1.8), (5.4, 1.8), heading=1.0)
+    goal = traveller.goal
     path = traveller.hand.until(lambda report: isinstance(report, wire.GoPath) and report.path_cm, "the path")
     state = traveller.drives()
     assert state.going.left_m > 0.1 and state.going.who == "Ann"
     assert 4 <= len(path.path_cm) <= 2 * wire.MOST_PATH
-    assert math.dist((path.path_cm[-2], path.path_cm[-1]), (340, 180)) < 30
+    assert math.dist((path.path_cm[-2] / 100, path.path_cm[-1] / 100), goal) < 0.3
     twists.drain()
     pause(traveller, 0.5)
     assert not twists.drain()  # zeros of the bridge would override navigation
     end = traveller.ended(seq)
     assert (end.outcome, end.text, end.because) == ("arrived", "", None)
     x, y, heading = place(truth)
-    assert math.dist((x, y), (3.4, 1.8)) < 0.25
+    assert math.dist((x, y), goal) < 0.25
     assert abs(math.remainder(heading - 1.0, math.tau)) < 0.3
     assert math.dist((x, y), (traveller.hand.state.location.x, traveller.hand.state.location.y)) < 0.3
     twists.until(is_zero)

@@ -111,8 +111,9 @@ def test_a_cut_off_publisher_is_heard_again_when_it_behaves(attacked):
         hand.state_until(lambda state: state.battery_percent == 42.0, "its level")
 
 
+@pytest.mark.last  # the bridge ends
 def test_a_bridge_out_of_memory_leaves_the_robot_at_zero(attacked):
-    """A laser sends the largest allowed scans to a bridge with a low memory limit. The last test: the bridge ends."""
+    """A laser sends the largest allowed scans to a bridge with a low memory limit."""
     bridge, hand = attacked.bridge, attacked.hand
     hand.take_control(fence=20)
     with strangers.Listener(attacked.master.uri) as heard:

@@ -34,15 +34,20 @@ def robot(ros, simulator):
 
 
 @pytest.fixture(scope="module")
-def talk(robot, rosmaster, tmp_path_factory):
-    """A link in control, and the records so far."""
+def linked(robot, rosmaster, tmp_path_factory):
     folder = tmp_path_factory.mktemp("bridge")
     topics = {"speech": Topic("/tts", TTS), "languages": ["en-GB"], "motions": Topic("/play_motion", PLAY)}
     config = tiago_config(rosmaster, folder, topics=topics, allowed=ALLOWED)
     with running_bridge(config, rosmaster, folder) as (process, hand):
         hand.state_until(drivable, "a robot online")
-        hand.take_control(1)
         yield hand, process.recorded
+
+
+@pytest.fixture
+def talk(linked):
+    """A link in control, and the records so far. Control is renewed: it ends after a minute."""
+    linked[0].take_control(1)
+    return linked
 
 
 @pytest.fixture
@@ -69,7 +74,7 @@ def drives(hand, inbox):
     hand.state_until(
         lambda state: state.neutral_needed is None and state.phase == "online", "a neutral stick"
     )
-    hand.stick(0.3)
+    hand.drive_until(0.3, lambda state: state.odometry.vx > 0.0, "motion")
     inbox.until(lambda twist: twist.linear.x > 0.0)
     hand.stick(0.0)
     inbox.until(lambda twist: twist.linear.x == 0.0)

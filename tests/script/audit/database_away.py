@@ -32,7 +32,7 @@ async def stands_while(
         note = wire.Publish(driver.fence or 1, NOTES, "std_msgs/String", {"data": "Here."}, NOTES_HZ)
         assert isinstance(await driver.request_task(note), wire.Accepted)
         await hold(driver, 0.0, NOTICED_S, until=lambda: free(driver))
-        await hold(driver, TURN, 10.0, until=lambda: turning(driver))
+        await driver.hold_stick(0.0, TURN, lambda: turning(driver))
         with database_away:
             away_s = time.time()
             await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) == "not_recorded")
@@ -52,7 +52,7 @@ async def stands_while(
         assert witness.last_velocity_s < back_s, "the robot moved though the stick was never let go"
 
         await hold(driver, 0.0, NOTICED_S, until=lambda: free(driver))
-        await hold(driver, TURN, NOTICED_S, until=lambda: turning(driver))
+        await driver.hold_stick(0.0, TURN, lambda: turning(driver))
         await hold(driver, 0.0, NOTICED_S, until=lambda: not turning(driver))
         await driver.__aexit__(None, None, None)
         log = await asyncio.to_thread(read_log, stack)
