@@ -8,6 +8,7 @@ class TeleopConfig(AppConfig):
 
     def ready(self) -> None:
         """Import the modules that connect signal receivers."""
-        from teleop.control import signals, turns  # noqa: F401
+        from teleop.control import signals  # noqa: F401
+        from teleop.control.waiting import turns  # noqa: F401
         from teleop.push import services  # noqa: F401
         from teleop.recordings import erasure  # noqa: F401

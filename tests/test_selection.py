@@ -31,7 +31,9 @@ def test_a_name_covers_its_cases_and_what_a_folder_holds() -> None:
 def test_a_shuffled_run_keeps_files_together_and_comes_again() -> None:
     tests = [
         SimpleNamespace(
-            path=Path(f"test_{file}.py"), number=number, get_closest_marker=lambda _, last=number == 4: last or None
+            path=Path(f"test_{file}.py"),
+            number=number,
+            get_closest_marker=lambda _, last=number == 4: last or None,
         )
         for file in "abc"
         for number in range(9)

@@ -23,7 +23,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.observer import Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
-from robots.bridge.recorder.ring import Message, Origin, Ring
+from robots.bridge.recorder.black_box.ring import Message, Origin, Ring
 from robots.shared import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack

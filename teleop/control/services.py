@@ -40,9 +40,9 @@ from robots.shared.wire import Refusal
 from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import LeaseState, Tab, Waiter
-from teleop.control.line import GRANTED, waiters_remove
 from teleop.control.rules import Permit, permit_for
 from teleop.control.selectors import lease_of, line_of, subject_of
+from teleop.control.waiting.line import GRANTED, waiters_remove
 from teleop.models import ControlSession, EndReason, Lease, named
 
 T = TypeVar("T")

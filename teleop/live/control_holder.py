@@ -21,12 +21,13 @@ from robots.shared.sentences import say
 from robots.shared.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.changes import ControlRefused, NotStored
 from teleop.control.lease_checks import NO_LEASE, Phase, Tab, lapse_reason, phase
 from teleop.control.lease_checks import offered as offered_now
 from teleop.control.rules import ROLE_LOWERED, Permit
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
+from teleop.control.waiting import line
 from teleop.live import notices
 from teleop.live.grant_renewal import Delays, GrantRenewer
 from teleop.live.robot_hub import RobotHub

@@ -25,7 +25,7 @@ from robots.link.client import BridgeLink, Listener, links
 from robots.shared.processes.durations import Durations
 from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused
 from teleop.background.database import in_database, in_database_background
-from teleop.control import lease_checks, line
+from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused
 from teleop.control.database_watch import DatabaseWatch
 from teleop.control.lease_checks import Phase
@@ -33,7 +33,8 @@ from teleop.control.lease_events import LeaseEvents
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
 from teleop.control.services import lease_expire, lease_fit_slot, lease_store_seen
 from teleop.control.status import ControlStatus, RobotEntry
-from teleop.control.turns import settle_or_log
+from teleop.control.waiting import line
+from teleop.control.waiting.turns import settle_or_log
 from teleop.live.topic_feed import TopicFeed
 from teleop.live.view_feed import ViewFeed
 

@@ -21,7 +21,7 @@ from robots.shared import wire
 from robots.shared.wire import CallService, DeleteParameter, Refusal, SetParameter
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control.allow_list import check_role, required_role
+from teleop.control.allowed.allow_list import check_role, required_role
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import check_in_control
 from teleop.control.selectors import lease_of

@@ -27,10 +27,10 @@ from robots.shared.sentences import say
 from robots.shared.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control.allow_list import ROLES, check_role, required_role
+from teleop.control.allowed.allow_list import ROLES, check_role, required_role
+from teleop.control.allowed.lesson_tasks import check_lesson
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import check_fence
-from teleop.control.lesson_tasks import check_lesson
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.consumers.message_socket import BUSY

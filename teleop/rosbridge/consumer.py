@@ -35,9 +35,9 @@ from robots.shared.wire import (
     WireError,
 )
 from teleop.background.jobs import run_in_background
+from teleop.control.allowed.scopes import ACTING, needed_scopes, scope_missing
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
-from teleop.control.scopes import ACTING, needed_scopes, scope_missing
 from teleop.control.status import RobotEntry
 from teleop.live.consumers.controlling_socket import ControllingSocket
 from teleop.live.consumers.message_socket import BUSY, CloseCode

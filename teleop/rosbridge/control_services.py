@@ -14,9 +14,9 @@ from django.db import DatabaseError
 from robots.link.stop_delivery import SILENT
 from robots.shared.wire import Control, NotDone, Stopped
 from teleop.background.jobs import run_in_background
+from teleop.control.allowed.scopes import ACTING
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
-from teleop.control.scopes import ACTING
 from teleop.live.control_holder import ControlHolder
 from teleop.rosbridge.family import Client, Family, Service
 from teleop.rosbridge.publishing import Publishing

@@ -18,7 +18,7 @@ from robots.shared.messages.type_names import bare
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, TaskRequest, WireError
 from teleop.background.jobs import run_in_background
-from teleop.control.allow_list import check_role, required_role
+from teleop.control.allowed.allow_list import check_role, required_role
 from teleop.control.lease_checks import NO_LEASE
 from teleop.live.robot_hub import RobotHub
 from teleop.rosbridge.family import Client, Family, Handler

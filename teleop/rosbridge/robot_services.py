@@ -8,7 +8,7 @@ from typing import Any
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import CLIENTS
-from teleop.control.allow_list import required_role
+from teleop.control.allowed.allow_list import required_role
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.rosbridge.family import Client, Family, Service
 from teleop.rosbridge.rosapi.answers import SERVICES, Rosapi, answered

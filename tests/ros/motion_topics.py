@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.incoming.mailboxes import Mailboxes
 from robots.bridge.robot.tasks.motions import RecordedMotions
 from robots.bridge.ros.network.parameters import MasterParameters
 from robots.bridge.ros.tasks.motions import MotionTopics

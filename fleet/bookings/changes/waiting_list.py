@@ -1,4 +1,4 @@
-"""People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.line`.
+"""People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.waiting.line`.
 
 An offer is a booking in state "offered": it holds the slot until its deadline. The transaction that frees the
 slot makes the offer; if the clock, a policy or a right freed it, the next transaction that locks the robot's

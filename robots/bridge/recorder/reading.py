@@ -8,9 +8,9 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-from robots.bridge.recorder.contacts import reports_contact
+from robots.bridge.recorder.black_box.contacts import reports_contact
+from robots.bridge.recorder.black_box.ring import Message, Origin, is_picture
 from robots.bridge.recorder.recorder import Wanted
-from robots.bridge.recorder.ring import Message, Origin, is_picture
 from robots.bridge.tap.arrivals import Kind
 from robots.bridge.tap.raw_topic import RawTopic, Speaker, Take
 from robots.shared.graph import SystemState, is_own

@@ -16,8 +16,9 @@ from uuid import UUID, uuid4
 import msgspec
 from msgspec import Struct, structs
 
+from robots.bridge.recorder.black_box.contacts import Contacts, reports_contact
+from robots.bridge.recorder.black_box.ring import KEPT_S, Latched, Message, Origin, Ring, picture_gap_s
 from robots.bridge.recorder.clock import RecordingClock
-from robots.bridge.recorder.contacts import Contacts, reports_contact
 from robots.bridge.recorder.erasing.nameless import Nameless
 from robots.bridge.recorder.files import finished_files
 from robots.bridge.recorder.files.directory import RecordingDirectory
@@ -40,7 +41,6 @@ from robots.bridge.recorder.recorder_messages import (
     goes_on,
     origin_of,
 )
-from robots.bridge.recorder.ring import KEPT_S, Latched, Message, Origin, Ring, picture_gap_s
 from robots.bridge.recorder.take import Take
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace

@@ -20,7 +20,7 @@ from msgspec import Struct, structs
 
 from robots.bridge.audit.records import Records
 from robots.bridge.drive.drive_log import Held
-from robots.bridge.recorder.events import Events
+from robots.bridge.recorder.black_box.events import Events
 from robots.bridge.recorder.recorder_messages import (
     COMMAND,
     EVENT,

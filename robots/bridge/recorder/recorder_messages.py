@@ -9,7 +9,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.recorder.ring import Origin
+from robots.bridge.recorder.black_box.ring import Origin
 from robots.shared import wire
 from robots.shared.records.record_sink import TakenRecording
 from robots.shared.sentences import say

@@ -13,11 +13,11 @@ from uuid import UUID
 
 from msgspec import structs
 
+from robots.bridge.recorder.black_box.ring import Message, Origin
 from robots.bridge.recorder.clock import RecordingClock
 from robots.bridge.recorder.files.directory import Draft, NoRoom, RecordingDirectory, refusal_of
 from robots.bridge.recorder.files.mcap_file import CHUNK_BYTES, MOST_CHANNELS, McapFile
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
-from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
 from robots.shared.records.record_sink import ABOUT, KeptEvent, RecordedTopic, ShownControl, TakenRecording
 from robots.shared.wire import RecordingEvent, Refusal

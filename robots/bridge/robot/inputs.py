@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.worker import Worker
 from robots.bridge.tasks.input_routing import InputSwitch
 from robots.shared.wire import Use

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
-from robots.bridge.robot.mailboxes import Mailboxes
+from robots.bridge.robot.incoming.mailboxes import Mailboxes
 from robots.bridge.robot_reports import Base
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.shared.configuration.bridge_config import BridgeConfig

@@ -20,12 +20,12 @@ from geometry_msgs.msg import Twist, TwistStamped
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
-from robots.bridge.robot.descriptions import Descriptions
+from robots.bridge.robot.description.descriptions import Descriptions
+from robots.bridge.robot.incoming.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.inputs import Inputs
 from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.network.surveys import MOST_LOOKED_UP, Surveys
 from robots.bridge.robot.parts import Parts, kinds_in
-from robots.bridge.robot.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.diagnostics import statuses
 from robots.bridge.robot.sensors.joints import JointReception

@@ -15,12 +15,12 @@ from rclpy.exceptions import InvalidHandle
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.core import Core
-from robots.bridge.robot.descriptions import Descriptions
+from robots.bridge.robot.description.descriptions import Descriptions
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.inputs import Inputs
 from robots.bridge.robot.interface import RobotParameters, RobotSide
 from robots.bridge.robot.network.surveys import Surveys
 from robots.bridge.robot.parts import Parts, kinds_in
-from robots.bridge.robot.reception import Reception
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.robot.sensors.on_demand_topics import OnDemandTopics

@@ -22,9 +22,9 @@ from robots.shared.wire import (
     kind_of,
 )
 from teleop.background.jobs import run_in_background
+from teleop.control.allowed.scopes import needed_scopes, scope_missing
 from teleop.control.changes import ControlRefused, NotStored, database_refusal
 from teleop.control.lease_checks import check_fence
-from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.controlling_socket import ControllingSocket

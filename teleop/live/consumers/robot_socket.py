@@ -13,7 +13,7 @@ from robots.access.selectors import robots_visible_to
 from robots.shared.wire import BridgeGone, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control.scopes import scope_missing
+from teleop.control.allowed.scopes import scope_missing
 from teleop.control.selectors import SignIn, rights_of, robot_entry
 from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub

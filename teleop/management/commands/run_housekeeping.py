@@ -36,11 +36,12 @@ from robots.recordings import retention as recording_retention
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
-from teleop.control import lease_checks, line, services
+from teleop.control import lease_checks, services
 from teleop.control.changes import ControlRefused
 from teleop.control.database_watch import DatabaseWatch
 from teleop.control.selectors import held_leases
-from teleop.control.turns import turns_settle_all
+from teleop.control.waiting import line
+from teleop.control.waiting.turns import turns_settle_all
 from teleop.push.worker import PushWorker
 from teleop.recordings import downloads
 from teleop.recordings.orders.by_hand import HandRecordings

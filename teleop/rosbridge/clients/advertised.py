@@ -5,7 +5,7 @@ from __future__ import annotations
 from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
-from teleop.control.allow_list import check_role, required_role
+from teleop.control.allowed.allow_list import check_role, required_role
 from teleop.rosbridge.clients.letters import Address, Kind, Offer
 from teleop.rosbridge.clients.post import post_of
 from teleop.rosbridge.family import Client

@@ -9,7 +9,7 @@ from fleet.accounts.tokens.models import Scope
 from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.messages.type_names import is_action
 from robots.shared.wire import NotDone
-from teleop.control.allow_list import check_role, required_role
+from teleop.control.allowed.allow_list import check_role, required_role
 from teleop.rosbridge.clients.advertised import Advertisements
 from teleop.rosbridge.clients.letters import Address, Shown
 from teleop.rosbridge.clients.post import post_of

@@ -12,7 +12,7 @@ from robots.registry.models import Role
 from teleop.control import services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
-from teleop.control.turns import turns_settle
+from teleop.control.waiting.turns import turns_settle
 from teleop.models import Lease
 
 NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)

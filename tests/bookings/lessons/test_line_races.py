@@ -9,7 +9,7 @@ from robots.access.models import Enrolment
 from teleop.control import services
 from teleop.control.changes import ControlRefused, NotStored
 from teleop.control.selectors import lease_of
-from teleop.control.turns import turns_settle
+from teleop.control.waiting.turns import turns_settle
 from tests.bookings.lessons.conftest import at, tab
 from tests.bookings.test_races import all_at_once
 

@@ -15,8 +15,9 @@ from fleet.bookings.services import (
 )
 from robots.access.services import role_set
 from robots.registry.models import Role
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.selectors import lease_of
+from teleop.control.waiting import line
 from tests.bookings.lessons.conftest import at, tab
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -18,9 +18,10 @@ from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_move, store_no_shows
 from robots.access.enrolment import unenrol
 from robots.records.faults import ROBOT, Condition, record_part
-from teleop.control import line, selectors, services
+from teleop.control import selectors, services
 from teleop.control.selectors import control_status, lease_of
-from teleop.control.turns import turns_settle
+from teleop.control.waiting import line
+from teleop.control.waiting.turns import turns_settle
 from teleop.models import EndReason, Lease
 from tests.bookings.lessons.conftest import at, tab
 

@@ -8,9 +8,9 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.drive.drive_log import Held
-from robots.bridge.recorder.contacts import Contacts, reports_contact
-from robots.bridge.recorder.events import Events
-from robots.bridge.recorder.ring import Message, Origin
+from robots.bridge.recorder.black_box.contacts import Contacts, reports_contact
+from robots.bridge.recorder.black_box.events import Events
+from robots.bridge.recorder.black_box.ring import Message, Origin
 from robots.shared import wire
 from robots.shared.messages.serialization import CDR
 from tests.bridge.support import Bench

@@ -17,6 +17,7 @@ from msgspec import structs
 
 from robots.bridge.recorder import recorder as module
 from robots.bridge.recorder import take
+from robots.bridge.recorder.black_box.ring import Message, Origin
 from robots.bridge.recorder.recorder import Recorder, Wanted
 from robots.bridge.recorder.recorder_messages import (
     EVENT,
@@ -31,7 +32,6 @@ from robots.bridge.recorder.recorder_messages import (
     Over,
     Progress,
 )
-from robots.bridge.recorder.ring import Message, Origin
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import RecordingPlace
 from robots.shared.records.record_sink import TakenRecording

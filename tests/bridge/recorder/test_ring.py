@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robots.bridge.recorder.ring import MOST_LATCHED_BYTES, Message, Origin, Ring
+from robots.bridge.recorder.black_box.ring import MOST_LATCHED_BYTES, Message, Origin, Ring
 
 SECOND = 10**9
 SCAN = Origin("/scan", "ros1", "sensor_msgs/LaserScan", "", "", "/laser")

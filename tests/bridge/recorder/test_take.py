@@ -16,10 +16,10 @@ import pytest
 from mcap.reader import make_reader
 
 from robots.bridge.recorder import take
+from robots.bridge.recorder.black_box.ring import Message, Origin
 from robots.bridge.recorder.clock import RecordingClock
 from robots.bridge.recorder.files import finished_files, recovery
 from robots.bridge.recorder.files.directory import RecordingDirectory
-from robots.bridge.recorder.ring import Message, Origin
 from robots.bridge.recorder.take import Take
 from robots.shared.records.record_sink import TakenRecording
 from robots.shared.wire import Refusal

@@ -6,9 +6,9 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.arm.posture import ArmPosture
-from robots.bridge.robot import descriptions
-from robots.bridge.robot.descriptions import Descriptions
-from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.description import descriptions
+from robots.bridge.robot.description.descriptions import Descriptions
+from robots.bridge.robot.incoming.reception import Reception
 from robots.shared.graph import SystemState
 from robots.shared.unreachable import Unreachable
 from tests.bridge.support import CONFIG

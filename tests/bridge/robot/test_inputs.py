@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.inputs import Inputs
-from robots.bridge.robot.reception import Reception
 from tests.bridge.support import CONFIG
 
 

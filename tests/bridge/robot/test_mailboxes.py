@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import pytest
 
-from robots.bridge.robot.mailboxes import LOOP_SHARE, Mailboxes
+from robots.bridge.robot.incoming.mailboxes import LOOP_SHARE, Mailboxes
 
 
 class _Loop:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.robot.standing import Standing
+from robots.bridge.robot.incoming.standing import Standing
 
 
 class Box:

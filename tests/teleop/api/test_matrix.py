@@ -39,7 +39,7 @@ from robots.recordings.models import Recording
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.shared.wire import TASK_KINDS, StopState
 from script.generate.messages import OPENAPI
-from teleop.control.scopes import ACTING
+from teleop.control.allowed.scopes import ACTING
 from teleop.models import ControlSession, RecordingShare, SharedLayout
 from teleop.records import refusals
 from teleop.stop import emergency_stop

@@ -28,9 +28,9 @@ from robots.shared.wire import NotDone
 from teleop.control import services
 from teleop.control.changes import NotStored
 from teleop.control.lease_checks import Tab
-from teleop.control.line import line_join, offer_next
 from teleop.control.selectors import lease_of, line_of
-from teleop.control.turns import turns_settle
+from teleop.control.waiting.line import line_join, offer_next
+from teleop.control.waiting.turns import turns_settle
 from teleop.models import EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)

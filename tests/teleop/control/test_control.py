@@ -24,11 +24,12 @@ from robots.registry.models import Robot
 from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.background.database import in_database
-from teleop.control import lease_checks, line, services
+from teleop.control import lease_checks, services
 from teleop.control.database_watch import GAP_S, DatabaseWatch
 from teleop.control.lease_checks import Tab
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import WARNING
+from teleop.control.waiting import line
 from teleop.live import control_holder, robot_hub
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease

@@ -12,9 +12,10 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.registry.models import Robot, RobotRole
 from robots.shared.wire import Refusal
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import end_notes, lease_of, line_of
+from teleop.control.waiting import line
 from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import unavailable
 

@@ -9,10 +9,11 @@ from fleet.bookings.models import Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from robots.registry.models import RobotRole
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import OFFER_S, WAITS_S, Tab
 from teleop.control.selectors import lease_of, line_of
+from teleop.control.waiting import line
 from teleop.models import EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -8,7 +8,7 @@ from fleet.bookings.lessons.tasks import lesson_tasks_set
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
-from teleop.control.lesson_tasks import check_lesson
+from teleop.control.allowed.lesson_tasks import check_lesson
 from tests.teleop.live.test_lesson import lesson, until  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -21,10 +21,11 @@ from fleet.bookings.messages import notifications
 from fleet.bookings.models import Notification, Waiting
 from fleet.bookings.services import BookingRefused
 from robots.shared.wire import Refusal
-from teleop.control import lease_checks, line, services
+from teleop.control import lease_checks, services
 from teleop.control.database_watch import GAP_S, DatabaseWatch
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
+from teleop.control.waiting import line
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlSession, EndReason, Lease
 from tests.processes import PATIENCE_S, until

@@ -10,8 +10,8 @@ from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make, booking_move
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import Tab
-from teleop.control.line import line_join
 from teleop.control.services import lease_hand_over, lease_take, lease_take_over
+from teleop.control.waiting.line import line_join
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

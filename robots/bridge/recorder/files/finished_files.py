@@ -13,10 +13,10 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from msgspec import structs
 
+from robots.bridge.recorder.black_box.ring import Message, Origin, is_picture
 from robots.bridge.recorder.files import recovery
 from robots.bridge.recorder.files.directory import FILE, NEW, PICTURE, Draft, RecordingDirectory
 from robots.bridge.recorder.files.thumbnail import thumbnail_of
-from robots.bridge.recorder.ring import Message, Origin, is_picture
 from robots.bridge.recorder.take import DROPPED
 from robots.shared import wire
 from robots.shared.records.record_sink import ABOUT, RecordedTopic, TakenRecording

@@ -32,7 +32,7 @@ from mcap.records import (
 )
 from mcap.summary import Summary
 
-from robots.bridge.recorder.ring import is_picture
+from robots.bridge.recorder.black_box.ring import is_picture
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 4 * 1024 * 1024

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from robots.bridge.recorder.ring import Message
+from robots.bridge.recorder.black_box.ring import Message
 from robots.shared.messages.type_names import bare
 
 WIDTH, QUALITY = 240, 70

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from msgspec import structs
 
 from robots.bridge.robot.board import BOARD
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.network.velocity_sources import velocity_sources
-from robots.bridge.robot.reception import Reception
 from robots.bridge.robot_reports import RosStatus
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.graph import SystemState, is_own

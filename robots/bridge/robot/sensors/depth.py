@@ -19,7 +19,7 @@ from robots.bridge.gate.sensing.depth import (
     picture_of_image,
 )
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.sensors.frames import Frames, Matrix, PoseUnknown
 from robots.shared.configuration.bridge_config import DepthSource
 from robots.shared.configuration.gate_profile import DepthView

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.parts import RobotPart
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource
 from robots.shared.texts import SENTENCE, cut

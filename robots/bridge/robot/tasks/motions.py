@@ -12,8 +12,8 @@ from msgspec import structs
 from robots.bridge.arm.clearance import ArmModel
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.robot.worker import RateLimit, Worker
 from robots.bridge.tasks.goals import OURS

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from robots.bridge.navigation.localisation import Spread
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.sensors.poses import planar_pose
 from robots.shared.geometry.poses import Velocity
 

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.speech import SpeechOutput, Utterance

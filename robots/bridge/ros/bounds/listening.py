@@ -29,7 +29,7 @@ from rospy.impl.tcpros_pubsub import TCPROSSub
 from rospy.impl.transport import INBOUND
 
 from robots.bridge.robot.board import BOARD
-from robots.bridge.robot.standing import NEWEST_WITHIN_S
+from robots.bridge.robot.incoming.standing import NEWEST_WITHIN_S
 from robots.bridge.ros.bounds.servers import CALL_REFUSED
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.shared.link.flood_limits import TokenBucket

@@ -23,7 +23,7 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 import msgspec
 from rosgraph.network import get_host_name
 
-from robots.bridge.robot.described import described
+from robots.bridge.robot.description.described import described
 from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource

@@ -14,8 +14,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.head.head import Aim
 from robots.bridge.head.head_tasks import HeadMover, HeadTasks
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.tasks.actions import ended

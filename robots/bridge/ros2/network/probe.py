@@ -25,7 +25,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from robots.bridge.robot.described import described
+from robots.bridge.robot.description.described import described
 from robots.bridge.ros2.network.graph import node_name
 from robots.bridge.ros2.participant import guarded
 from robots.bridge.ros2.qos import kept

@@ -11,7 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 
-from robots.bridge.robot.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
+from robots.bridge.robot.incoming.reception import DIAGNOSTICS_WAIT, ODOMETRY_WAITS, Reception
 from robots.bridge.robot.sensors.diagnostics import statuses
 from robots.bridge.robot.sensors.joints import JointReception
 from robots.bridge.ros2.participant import Participant, Take

@@ -44,7 +44,7 @@ from teleop.api.v1.framework.problems import (
     response_of,
 )
 from teleop.api.v1.framework.rates import TOO_OFTEN, asks_too_often, headers_of
-from teleop.control.scopes import scope_missing
+from teleop.control.allowed.scopes import scope_missing
 from teleop.records import refusals
 from teleop.records.refusals import RefusedRequest
 

@@ -23,7 +23,7 @@ from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
 from teleop.control import lease_checks
-from teleop.control.scopes import ACTING
+from teleop.control.allowed.scopes import ACTING
 from teleop.control.selectors import lease_of
 
 LONGEST_S = 0.5  # of a velocity

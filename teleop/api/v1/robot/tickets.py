@@ -16,7 +16,7 @@ from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.control.scopes import ACTING
+from teleop.control.allowed.scopes import ACTING
 
 _TOO_MANY = Refusal(
     "too_many",

@@ -27,7 +27,7 @@ from teleop.api.v1.framework.operation import Entry, entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
-from teleop.control.scopes import scope_missing
+from teleop.control.allowed.scopes import scope_missing
 
 USUAL = timedelta(days=90)
 ScopeName = Literal["read", "drive", "speak", "motions", "topics", "book", "manage"]  # of `Scope`

@@ -17,7 +17,7 @@ from teleop.api.v1.framework.operation import Entry, entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
-from teleop.control.scopes import scope_missing
+from teleop.control.allowed.scopes import scope_missing
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import services
 from teleop.webhooks.addresses import LONGEST

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.sensing.depth import DepthImage
-from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.incoming.reception import Reception
 from robots.bridge.robot.sensors import depth
 from robots.bridge.robot.sensors.depth import DepthReception
 from robots.shared.configuration.bridge_config import DepthSource

@@ -14,8 +14,8 @@ from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import LaserScan
 from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.health.diagnostics import Status
-from robots.bridge.robot.mailboxes import Mailboxes, Speaker
-from robots.bridge.robot.standing import Standing
+from robots.bridge.robot.incoming.mailboxes import Mailboxes, Speaker
+from robots.bridge.robot.incoming.standing import Standing
 from robots.shared.configuration.bridge_config import Topics
 from robots.shared.geometry.poses import Pose, Velocity
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.audit.description import taken_description
-from robots.bridge.robot.reception import Reception
+from robots.bridge.robot.incoming.reception import Reception
 from robots.shared.configuration.bridge_config import Topics
 from robots.shared.graph import SystemState
 from robots.shared.unreachable import Unreachable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robots.bridge.drive.drive_log import Held
-from robots.bridge.recorder.contacts import is_contact_name
+from robots.bridge.recorder.black_box.contacts import is_contact_name
 from robots.shared import wire
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire import RecordingEvent

@@ -10,7 +10,7 @@ import re
 import struct
 from collections.abc import Callable
 
-from robots.bridge.recorder.ring import Message
+from robots.bridge.recorder.black_box.ring import Message
 from robots.shared.messages.serialization import CDR
 from robots.shared.messages.type_names import bare
 
