@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -53,3 +54,13 @@ def test_python_writes_a_candidate_in_another_way(monkeypatch, tmp_path):
     assert version.release() == "2.1.0-rc3"
     version.version.cache_clear()
     version.commit.cache_clear()
+
+
+def test_changes_and_upgrade_notes_have_this_version_and_no_other_file_has_one():
+    (newest,) = re.findall(r"^## \[([^]]*)\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.MULTILINE)[:1]
+    page = (REPOSITORY / "docs" / "upgrade.md").read_text()
+    (noted,) = re.findall(r"^### (.*)$", page, re.MULTILINE)[:1]
+    assert newest in ("Unreleased", version.version())
+    assert noted == version.version()
+    assert f"git checkout v{noted}`" in page
+    assert '"version"' not in (REPOSITORY / "package.json").read_text()
