@@ -13,6 +13,7 @@ from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.migrations.loader import MigrationLoader
 
 from fleet.accounts.emails import fault_of_sender
+from robots.link import authority
 
 
 @register(Tags.staticfiles)
@@ -64,6 +65,20 @@ def e_mails_have_a_sender(**_: Any) -> list[CheckMessage]:
     if not (fault := fault_of_sender(settings.DEFAULT_FROM_EMAIL)):
         return []
     return [Warning(fault, hint="Correct FLEET_EMAIL_FROM: until then no e-mail is sent.", id="fleet.W004")]
+
+
+@register()
+def other_bridges_are_trusted(**_: Any) -> list[CheckMessage]:
+    """Check that a bridge host knows who signed the certificates of bridges on other computers."""
+    if settings.FLEET_LINK_CA or not settings.FLEET_LINK_CERT or not authority.of_other_console():
+        return []
+    return [
+        Warning(
+            "FLEET_LINK_CA is not set: `manage.py stop --all` on this bridge host cannot stop robots of other computers.",
+            hint="Join again (docs/upgrade.md), or name the authority that signed the bridges' certificates.",
+            id="fleet.W005",
+        )
+    ]
 
 
 @register(Tags.database)

@@ -15,6 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from cryptography import x509
+from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
@@ -57,6 +58,18 @@ def sign(request_pem: bytes, host: str, now: datetime.datetime) -> tuple[str, da
         .sign(authority_key, hashes.SHA256())
     )
     return _pem(certificate), until
+
+
+def of_other_console() -> bool:
+    """Return whether a console with another secret key signed FLEET_LINK_CERT, so that this one trusts nobody like it."""
+    try:
+        certificate = x509.load_pem_x509_certificate(Path(settings.FLEET_LINK_CERT).read_bytes())
+        certificate.verify_directly_issued_by(_authority(settings.SECRET_KEY)[0])
+    except InvalidSignature:
+        return True
+    except (OSError, ValueError, TypeError):  # ValueError: an authority of their own, by its name
+        return False
+    return False
 
 
 def own_files(folder: Path, host: str) -> tuple[str, str]:
