@@ -35,6 +35,7 @@ fi
 exec setpriv --reuid postgres --regid postgres --init-groups "$@" -D $data
 """,
     "docker.io/library/redis:7": """#!/bin/sh
+chown redis /data
 exec setpriv --reuid redis --regid redis --init-groups "$@" --protected-mode no
 """,
     "docker.io/library/caddy:2": """#!/bin/sh

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import urllib.request
 from collections.abc import Iterator
@@ -49,8 +51,10 @@ def test_compose_starts_roles_that_exist_behind_its_proxy() -> None:
     database = services["database"]
     assert database["command"][-1] == "listen_addresses=127.0.0.1"  # of this computer only
     assert database["environment"]["POSTGRES_INITDB_ARGS"] == "--auth-host=scram-sha-256"
-    assert services["redis"]["command"][-2:] == ["--bind", "127.0.0.1"]
-    assert {one["network_mode"] for one in services.values()} == {"host"}
+    redis = services["redis"]
+    port = redis["command"].index("--port")
+    assert (redis["command"][port + 1], redis["network_mode"]) == ("0", "none")
+    assert {one["network_mode"] for one in services.values() if one is not redis} == {"host"}
     # podman-restart.service starts these after a boot, and no others.
     assert {one["restart"] for one in services.values()} == {"always"}
 
@@ -116,7 +120,7 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
 ) -> None:
     build_servers(policy, tmp_path)
     with composed(tmp_path) as compose, network_apart():  # pip needs the network
-        [backup] = re.findall(r"`podman-compose exec (console \S+ manage.py backup [^`]*)`", PAGE)
+        [backup] = commands(r"\[backup\]\(backup.md\)")
         caddy = compose.folder / "Caddyfile"
         caddy.write_text(caddy.read_text().replace(f"{NAME} {{", "localhost {"))
         for line in re.findall(r"^ {7}(\(umask .*|echo FLEET_HOSTS.*)$", PAGE, re.MULTILINE):
@@ -126,7 +130,7 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
         volume = compose.podman("volume", "inspect", "--format", "{{.Mountpoint}}", "fleet_caddy").strip()
         monkeypatch.setenv("SSL_CERT_FILE", f"{volume}/caddy/pki/authorities/local/root.crt")
         set_up(compose.log("console"), STAFF, "TIAGo 42", "http://127.0.0.1:9")
-        assert "all are as written" in compose("exec", "-T", *backup.split())
+        assert "all are as written" in compose(*backup[:1], "-T", *backup[1:])
         anybody = ["psql", "--no-password", "postgresql://fleet@127.0.0.1/fleet", "--command", "SELECT 1"]
         asked = subprocess.run(anybody, capture_output=True, text=True)
         assert "no password supplied" in asked.stderr, asked
@@ -145,6 +149,58 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
             until(lambda: compose.pid(service) not in (0, killed), f"{service} is back", ENDED_S)  # noqa: B023
         until(is_served, "the console after kills", STARTS_S)
         assert "TIAGo 42" in browser.page("/robots/tiago-42/")
+        assert nobody_listens(2019) and nobody_listens(6379)
+        assert "valid" in compose("exec", "-T", "caddy", "caddy", "validate", "--config", "/etc/caddy/Caddyfile")
+        compose("exec", "-T", "caddy", "caddy", "reload", "--config", "/etc/caddy/Caddyfile")
+        is_upgraded(compose, policy)
+        is_restored(compose)
+        # What podman-restart.service does before and after a boot, in no order.
+        compose.podman("stop", "--all", "--filter", "restart-policy=always")
+        compose.podman("start", "--all", "--filter", "restart-policy=always")
+        until(is_served, "the console after a boot", STARTS_S)
+        assert "TIAGo 42" in Browser().page("/robots/tiago-42/")
+
+
+def commands(row: str) -> list[list[str]]:
+    """Return the words of each podman-compose of a row of the page."""
+    [line] = re.findall(rf"^\| {row} \|.*$", PAGE, re.MULTILINE)
+    return [shlex.split(words) for words in re.findall(r"`podman-compose ([^`]*)`", line)]
+
+
+def is_upgraded(compose: Compose, policy: tuple[str, Path]) -> None:
+    """Build an image that is newer by a commit and a migration, and follow the page."""
+    newer = buildah("from", "--pull-never", IMAGE)
+    state = "/opt/fleet/fleet/audit/migrations"
+    last = buildah("run", newer, "--", "sh", "-c", f"cd {state}; ls 0*.py | tail -n 1").removesuffix(".py")
+    text = f"from django.db import migrations\nclass Migration(migrations.Migration): dependencies = [('audit', {last!r})]"
+    buildah("run", "--user", "root", newer, "--", "sh", "-c", f'echo "$0" >{state}/9999_newer.py', text)
+    buildah("config", "--env", "FLEET_COMMIT=fedcba9876", newer)
+    buildah("commit", "--quiet", *policy, newer, IMAGE)
+    for words in commands("upgrade"):
+        compose(*words)
+    until(is_served, "the console after the upgrade", STARTS_S)
+    assert "fedcba9876" in compose("exec", "-T", "console", ".venv/bin/python", "manage.py", "version")
+
+
+def is_restored(compose: Compose) -> None:
+    """Make a backup, sign in, and go back: the session that is newer than the backup is gone."""
+    [backup] = commands(r"\[backup\]\(backup.md\)")
+    compose(*backup[:1], "-T", *backup[1:])
+    browser = Browser()
+    assert "TIAGo 42" in browser.page("/robots/tiago-42/")
+    newest = compose("exec", "-T", "console", "ls", "-t", "/var/backups/fleet").split()[0]
+    for words in commands("restore"):
+        compose(*(word.replace("FILE", newest) for word in words))
+    until(is_served, "the console after the restore", STARTS_S)
+    assert "TIAGo 42" not in browser.page("/robots/tiago-42/")
+    assert "TIAGo 42" in Browser().page("/robots/tiago-42/")
+
+
+def nobody_listens(port: int) -> bool:
+    """Return whether nobody listens at this port of the computer."""
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0):
+        return False
+    return True
 
 
 def web_process(compose: Compose) -> int:
