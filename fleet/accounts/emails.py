@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import re
 import threading
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
@@ -30,6 +29,23 @@ AGAIN_S = (60.0, 300.0, 1800.0, *(7200.0,) * 12)
 # Status codes (RFC 3463) that refuse the sender, a quota or a policy. Many servers check the sender only after RCPT.
 NOT_THE_ADDRESS = re.compile(r"\b5\.(1\.[78]|4\.5|7\.\d+)\b")
 
+_works = threading.Condition()  # notified when the mail server takes e-mails again
+_why_not = ""  # why it took none at the last try of this process
+
+
+def why_none_leaves() -> str:
+    """Return why the mail server took no e-mail of this process at the last try; empty: it took one."""
+    return _why_not
+
+
+def server_works() -> None:
+    """Try at once what waits: the mail server has just taken an e-mail."""
+    global _why_not
+    with _works:
+        if _why_not:
+            _why_not = ""
+            _works.notify_all()
+
 
 def send_later(messages: Sequence[EmailMessage]) -> None:
     """Send the messages once the transaction is committed. If the server does not take them, try again for a day.
@@ -53,13 +69,20 @@ def _send(waiting: list[EmailMessage]) -> None:
 
 
 def _send_all(waiting: list[EmailMessage]) -> None:
+    global _why_not
     for pause_s in (*AGAIN_S, None):
+        before = len(waiting)
         cause = _try_to_send(waiting)
+        if len(waiting) < before:
+            server_works()
         if not waiting:
             return
         again = "are lost" if pause_s is None else f"are tried again in {pause_s / 60:.0f} min"
         log.warning("E-mails were not sent and %s (%d): %s", again, len(waiting), cause)
-        time.sleep(pause_s or 0.0)
+        with _works:
+            if len(waiting) == before:
+                _why_not = cause
+            _works.wait(pause_s or 0.0)
 
 
 def _try_to_send(waiting: list[EmailMessage]) -> str:

@@ -74,7 +74,7 @@ def other_bridges_are_trusted(**_: Any) -> list[CheckMessage]:
         return []
     return [
         Warning(
-            "FLEET_LINK_CA is not set: `manage.py stop --all` on this bridge host cannot stop robots of other computers.",
+            "FLEET_LINK_CA is not set: `manage.py stop --all` here cannot stop robots of other computers.",
             hint="Join again (docs/upgrade.md), or name the authority that signed the bridges' certificates.",
             id="fleet.W005",
         )

@@ -60,6 +60,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"
     environment["PYTHONFAULTHANDLER"] = "1"  # after a crash, the log shows where it happened
+    environment["PYTHONNODEBUGRANGES"] = "1"  # tables of columns, which only underline a line of a traceback
     if isinstance(config.ros, Ros2):
         return environment | _ros2_environment(config.ros)
     return environment | _ros1_environment(config.ros, run_dir / f"{config.robot_id}.hosts")

@@ -21,8 +21,11 @@ from django.db.models import Min
 from django.utils import timezone
 from redis import Redis, RedisError
 
+from fleet.accounts import emails
+from fleet.accounts.mail.off import is_off
 from fleet.backup.selectors import last_backup
 from fleet.base.web.origin import settled_origin
+from fleet.bookings.messages.notifications import unsent_since
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import AT_ONCE, state_once
 from robots.recordings.models import Place, Recording
@@ -34,6 +37,7 @@ from robots.shared.sentences import Sentence, say
 
 DISK_SHARE, DISK_BYTES = 0.05, 1e9  # less free space than both of them is a trouble
 BACKUP_AGE = timedelta(days=2)
+MAIL_AGE = timedelta(minutes=30)
 STORE_AGE = timedelta(hours=2)
 STORE_LEFT = timedelta(days=7)  # older ones are on computers that are gone
 CERTIFICATE_LEFT = timedelta(days=21)
@@ -99,6 +103,25 @@ def redis() -> Iterator[Trouble]:
             yield Trouble(
                 "redis", "", say("Redis does not answer: news reach other pages two seconds later.")
             )
+
+
+def mail() -> Iterator[Trouble]:
+    """Look for e-mails that the mail server does not take."""
+    if is_off():
+        return
+    if why := emails.why_none_leaves():
+        computer = socket.gethostname()[:64]
+        words = say(
+            "The mail server takes no e-mail from {computer}: {why}", computer=computer, why=why[:300]
+        )
+        yield Trouble("mail", computer, words)
+    since = unsent_since(timezone.now())
+    if since is not None and (age := timezone.now() - since) > MAIL_AGE:
+        words = say(
+            "E-mails about bookings have waited for {age:age}: the console’s log says why.",
+            age=age.total_seconds(),
+        )
+        yield Trouble("mail", "", words)
 
 
 def database() -> Iterator[Trouble]:

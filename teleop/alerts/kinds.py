@@ -21,6 +21,7 @@ KINDS = {
     "supervisor": AlertKind(_("the fleet supervisor is frozen or has ended"), 1),
     "redis": AlertKind(_("Redis does not answer"), 2),
     "database": AlertKind(_("the database does not answer"), 1),
+    "mail": AlertKind(_("e-mails do not leave"), 10),
     "disk": AlertKind(_("a disk is nearly full"), 0),
     "store": AlertKind(_("recordings wait for the object store"), 0),
     "backup": AlertKind(_("there is no recent backup"), 0),

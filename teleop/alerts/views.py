@@ -21,8 +21,9 @@ from teleop.alerts.forms import RuleForm
 from teleop.alerts.history import lines
 from teleop.alerts.kinds import KINDS
 from teleop.alerts.rules import rule_save, rules
+from teleop.alerts.telling import readers
 from teleop.alerts.watch import knows, look_age_s
-from teleop.models import Alert
+from teleop.models import Alert, AlertRule
 
 SHOWN = 50  # newest alerts
 
@@ -42,6 +43,7 @@ def status(request: HttpRequest) -> HttpResponse:
         "kinds": {name: kind.label for name, kind in KINDS.items()},
         "looked_at": None if (age_s := look_age_s()) is None else timezone.now() - timedelta(seconds=age_s),
         "knows": knows(),
+        "unread": person.is_staff and not readers(AlertRule()),
         "backup": last_backup() if person.is_staff else None,
     }
     return render(request, "teleop/alerts/status.html", context)
@@ -61,4 +63,5 @@ def alert_rules(request: HttpRequest) -> HttpResponse:
                     rule_save(form.instance, staff)
         messages.success(request, _("The rules are saved."))
         return redirect("alert-rules")
-    return render(request, "teleop/alerts/rules.html", {"forms": forms}, status=400 if posted else 200)
+    context = {"forms": forms, "unread": not readers(AlertRule())}
+    return render(request, "teleop/alerts/rules.html", context, status=400 if posted else 200)

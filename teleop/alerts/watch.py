@@ -30,6 +30,7 @@ log = logging.getLogger(__name__)
 EVERY_S = 15.0
 UNSEEN = timedelta(seconds=60)  # longer than the slowest round
 KEPT = timedelta(days=90)
+FOUND = timedelta(minutes=2)  # so long after a letter the mail server is found to take none
 OVER_WAITS = timedelta(days=7)  # later nobody wants a letter that something is over
 DATABASE_S = 60.0  # away for so long, it needs somebody
 STALE_S = 120.0  # after the last look, nobody knows what needs somebody; longer than a round over many silent bridges
@@ -57,12 +58,14 @@ class AlertWatch:
             ("supervisor",): checks.supervisor,
             ("redis",): checks.redis,
             ("database",): checks.database,
+            ("mail",): checks.mail,
             ("disk",): checks.disk,
             ("store",): checks.store,
             ("backup",): checks.backup,
             ("certificate",): checks.Certificates(),
         }
         self._without = WithoutDatabase()
+        self._has_begun = False
 
     def start(self) -> None:
         """Look from now on, until the process ends."""
@@ -91,6 +94,9 @@ class AlertWatch:
     def look(self, now: datetime) -> None:
         """Run all checks; store what began and what is over; tell what is due."""
         Alert.objects.filter(over_at__lt=now - KEPT).delete()
+        if not self._has_begun:
+            _write_again()
+            self._has_begun = True
         for kinds, check in self._checks.items():
             try:
                 found = list(check())
@@ -131,6 +137,13 @@ class AlertWatch:
         for alert in known.values():
             if abs(now - alert.seen_at) >= UNSEEN:  # later: the clock was set back
                 _end(alert, now)
+
+
+def _write_again() -> None:
+    """Write again what waited for the mail server in a process that has ended, such as for other settings."""
+    if (mail := Alert.objects.filter(kind="mail", over_at=None).order_by("began_at").first()) is not None:
+        waited = Alert.objects.filter(mails__gt=0, mailed_at__gte=mail.began_at - FOUND)
+        waited.update(mailed_at=None, mails=F("mails") - 1)
 
 
 def _has_looked() -> None:

@@ -185,7 +185,7 @@ class Computers(Stack):
         site = _changed(
             _shipped("Caddyfile"),
             {
-                "admin unix//var/lib/caddy/admin.sock": f"admin unix/{place}/admin.sock\n\tauto_https disable_redirects",
+                "unix//var/lib/caddy/admin.sock": f"unix/{place}/admin.sock\n\tauto_https disable_redirects",
                 "fleet.lab.example {": f"https://localhost:{port} {{\n\tbind 127.0.0.1\n\t{tls}",
                 "127.0.0.1:8000": webs,
             },

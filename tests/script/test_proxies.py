@@ -92,7 +92,7 @@ def caddy(port: int, computers: Sequence[str], certificate: Certificate, folder:
     """Write the file of Caddy before these computers; return its command."""
     site = f"https://localhost:{port} {{\n\ttls {certificate.certificate} {certificate.private_key}"
     changes = {
-        "admin unix//var/lib/caddy/admin.sock": f"admin unix/{folder}/admin.sock\n\tauto_https disable_redirects",
+        "unix//var/lib/caddy/admin.sock": f"unix/{folder}/admin.sock\n\tauto_https disable_redirects",
         "fleet.lab.example {": site,
         "127.0.0.1:8000": " ".join(computers),
     }

@@ -28,4 +28,5 @@ def _send(to: str) -> str:
         EmailMessage(_("Test of the fleet console"), text, to=[to], connection=connection).send()
     except (OSError, ValueError) as error:  # OSError: also SMTPException
         return str(error) or repr(error)
+    emails.server_works()
     return ""

@@ -20,7 +20,7 @@ from zoneinfo import ZoneInfo
 
 from django.core.mail import EmailMessage, get_connection
 from django.db import IntegrityError, transaction
-from django.db.models import F, Q
+from django.db.models import F, Min, Q, QuerySet
 from django.dispatch import Signal, receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -220,15 +220,20 @@ def email_of(notification: Notification) -> EmailMessage:
     return message
 
 
+def _unsent(now: datetime) -> QuerySet[Notification]:
+    unsent = Notification.objects.filter(until=None, sent_at=None, made_at__gt=now - GIVEN_UP)
+    return unsent.exclude(person__email="")
+
+
+def unsent_since(now: datetime) -> datetime | None:
+    """Return when the oldest notification was made whose e-mail is still to be sent; None: all are sent."""
+    return _unsent(now).aggregate(first=Min("made_at"))["first"]
+
+
 def send_notifications(now: datetime) -> int:
     """Send waiting notifications, at most `BATCH_SIZE`. Return how many are over: sent, or to a wrong address."""
-    waiting = Notification.objects.filter(
-        Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN),
-        until=None,
-        sent_at=None,
-        made_at__gt=now - GIVEN_UP,
-    )
-    waiting = waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
+    waiting = _unsent(now).filter(Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN))
+    waiting = waiting.select_related("person").order_by("made_at")[:BATCH_SIZE]
     connection, sent, until_s = get_connection(timeout=emails.SERVER_TIMEOUT_S), 0, time.monotonic() + ROUND_S
     for notification in waiting:
         if time.monotonic() > until_s:

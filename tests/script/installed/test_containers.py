@@ -150,7 +150,9 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
         until(is_served, "the console after kills", STARTS_S)
         assert "TIAGo 42" in browser.page("/robots/tiago-42/")
         assert nobody_listens(2019) and nobody_listens(6379)
-        assert "valid" in compose("exec", "-T", "caddy", "caddy", "validate", "--config", "/etc/caddy/Caddyfile")
+        assert "valid" in compose(
+            "exec", "-T", "caddy", "caddy", "validate", "--config", "/etc/caddy/Caddyfile"
+        )
         compose("exec", "-T", "caddy", "caddy", "reload", "--config", "/etc/caddy/Caddyfile")
         is_upgraded(compose, policy)
         is_restored(compose)
@@ -172,7 +174,7 @@ def is_upgraded(compose: Compose, policy: tuple[str, Path]) -> None:
     newer = buildah("from", "--pull-never", IMAGE)
     state = "/opt/fleet/fleet/audit/migrations"
     last = buildah("run", newer, "--", "sh", "-c", f"cd {state}; ls 0*.py | tail -n 1").removesuffix(".py")
-    text = f"from django.db import migrations\nclass Migration(migrations.Migration): dependencies = [('audit', {last!r})]"
+    text = f"from django.db import migrations as m\nclass Migration(m.Migration): dependencies = [('audit', {last!r})]"
     buildah("run", "--user", "root", newer, "--", "sh", "-c", f'echo "$0" >{state}/9999_newer.py', text)
     buildah("config", "--env", "FLEET_COMMIT=fedcba9876", newer)
     buildah("commit", "--quiet", *policy, newer, IMAGE)
