@@ -56,7 +56,7 @@ def test_python_writes_a_candidate_in_another_way(monkeypatch, tmp_path):
     version.commit.cache_clear()
 
 
-def test_changes_and_upgrade_notes_have_this_version_and_no_other_file_has_one():
+def test_changes_and_upgrade_notes_have_this_version():
     (newest,) = re.findall(r"^## \[([^]]*)\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.MULTILINE)[:1]
     page = (REPOSITORY / "docs" / "upgrade.md").read_text()
     (noted,) = re.findall(r"^### (.*)$", page, re.MULTILINE)[:1]

@@ -97,7 +97,7 @@ def watched(server: MailServer, monkeypatch: pytest.MonkeyPatch, robot: Robot, s
     return found
 
 
-def test_letters_of_an_alert_arrive_by_starttls_in_the_readers_language(
+def test_letters_arrive_by_starttls_in_the_readers_language(
     server: MailServer, watched: Watched, settings: Any
 ) -> None:
     AlertRule.objects.create(kind="bridge", after_min=2, again_h=1, quiet_from="12:00", quiet_until="13:00")
