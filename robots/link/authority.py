@@ -63,7 +63,7 @@ def sign(request_pem: bytes, host: str, now: datetime.datetime) -> tuple[str, da
 def of_other_console() -> bool:
     """Return whether a console with another secret key signed FLEET_LINK_CERT: here its like are not trusted."""
     try:
-        certificate = x509.load_pem_x509_certificate(Path(settings.FLEET_LINK_CERT).read_bytes())
+        certificate = x509.load_pem_x509_certificate(Path(settings.FLEET_LINK_CERT or "").read_bytes())
         certificate.verify_directly_issued_by(_authority(settings.SECRET_KEY)[0])
     except InvalidSignature:
         return True

@@ -20,7 +20,7 @@ from zoneinfo import ZoneInfo
 
 from django.core.mail import EmailMessage, get_connection
 from django.db import IntegrityError, transaction
-from django.db.models import F, Min, Q, QuerySet
+from django.db.models import F, Q, QuerySet
 from django.dispatch import Signal, receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -227,7 +227,7 @@ def _unsent(now: datetime) -> QuerySet[Notification]:
 
 def unsent_since(now: datetime) -> datetime | None:
     """Return when the oldest notification was made whose e-mail is still to be sent; None: all are sent."""
-    return _unsent(now).aggregate(first=Min("made_at"))["first"]
+    return _unsent(now).order_by("made_at").values_list("made_at", flat=True).first()
 
 
 def send_notifications(now: datetime) -> int:
