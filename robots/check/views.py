@@ -13,7 +13,8 @@ from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
 from robots.access.selectors import robot_visible_to
-from robots.check.robot_check import FAIL, run_checks
+from robots.check.results import FAIL
+from robots.check.robot_check import run_checks
 
 _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # at most one check of a robot at a time
 

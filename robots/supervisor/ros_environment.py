@@ -27,6 +27,7 @@ ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}  # each of 50 threads would keep memory of
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 # With ROS's own OFF, static peers are ignored.
 SEARCHED = {"subnet": "SUBNET", "localhost": "LOCALHOST", "off": "LOCALHOST"}
+PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # since Kilted, and before
 # The console's own, of a shell: a robot's entry alone says how it is reached.
 NOT_INHERITED = {
     *("ROS_IP", "ROS_HOSTNAME", "ROS_MASTER_URI"),
@@ -101,8 +102,11 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
         environment |= wheels.domain_environment(ros.domain_id, "SYSTEM_DEFAULT")
         # Without the second, the server tells a node only of nodes that have its topics.
         return environment | {"ROS_DISCOVERY_SERVER": ros.discovery_server, "ROS_SUPER_CLIENT": "TRUE"}
-    peers = ";".join(ros.static_peers)
-    return environment | wheels.domain_environment(ros.domain_id, SEARCHED[ros.discovery], peers)
+    peers = ros.static_peers
+    if peers and ros.discovery == "subnet":
+        environment |= dict.fromkeys(PROFILES, str(wheels.MANY_PEERS))
+        peers = (wheels.MULTICAST, *peers)
+    return environment | wheels.domain_environment(ros.domain_id, SEARCHED[ros.discovery], ";".join(peers))
 
 
 def _without_ros(paths: str) -> str:

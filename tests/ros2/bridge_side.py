@@ -13,7 +13,7 @@ from msgspec import structs
 
 from robots.bridge.ros2.node import RosBase
 from robots.shared.configuration.bridge_config import ScanSource, SonarSource, Topic, Topics
-from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.configuration.robot_ros import Discovery, Ros2
 from robots.shared.geometry.poses import Velocity
 from tests.bridge.support import CONFIG
 
@@ -28,7 +28,8 @@ TOPICS = Topics(
     joint_states=Topic("/joint_states", "sensor_msgs/msg/JointState"),
     cancel_on_stop=["/play_motion2", "/nobody"],
 )
-CONFIG = structs.replace(CONFIG, ros=Ros2(DOMAIN, "localhost"), topics=TOPICS, state_dir=sys.argv[2])
+SEARCH: Discovery = "subnet" if "subnet" in sys.argv else "localhost"
+CONFIG = structs.replace(CONFIG, ros=Ros2(DOMAIN, SEARCH), topics=TOPICS, state_dir=sys.argv[2])
 
 
 class Core(MagicMock):

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import pytest
 
@@ -23,11 +23,20 @@ needs_rclpy = pytest.mark.skipif(
 class Side:
     """One process, and the lines that it prints."""
 
-    def __init__(self, module: str, domain: int, *arguments: str) -> None:
+    def __init__(
+        self,
+        module: str,
+        domain: int,
+        *arguments: str,
+        environment: Mapping[str, str] | None = None,
+        within: Sequence[str] = (),
+    ) -> None:
+        """`environment`: variables beside those of a search on this computer; `within`: a command that starts it."""
+        given = domain_environment(domain) | dict(environment or {})
         self.process = subprocess.Popen(
-            [sys.executable, "-m", module, *(arguments or [str(domain)])],
+            [*within, sys.executable, "-m", module, *(arguments or [str(domain)])],
             cwd=REPOSITORY,
-            env=os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain),
+            env=os.environ | ros_environment([MESSAGES, WHEELS]) | given,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

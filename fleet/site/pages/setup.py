@@ -24,7 +24,8 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import GetResponse, staff_of
 from fleet.accounts.sign_in import first_run, throttle
 from fleet.site.reached_fields import FIRST, ReachedFields, ros_of
-from robots.check.robot_check import FAIL, run_checks
+from robots.check.results import FAIL
+from robots.check.robot_check import run_checks
 from robots.registry import services
 from robots.registry.models import Robot
 from robots.registry.selectors import free_slug

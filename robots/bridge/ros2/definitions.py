@@ -57,7 +57,7 @@ def definition(type_name: str) -> Definition:
     own, fields = _read(type_name)
     embedded = (f"{BREAK}\nMSG: {name}\n{_read(name)[0]}" for name in sorted(_types_within(fields)))
     return Definition(
-        type_name, _hash(type_name), "".join((own, *embedded)), True, list(fields), serialization=CDR
+        type_name, type_hash(type_name), "".join((own, *embedded)), True, list(fields), serialization=CDR
     )
 
 
@@ -124,7 +124,8 @@ def _text(package: str, name: str, part: str) -> str | None:
     return None
 
 
-def _hash(type_name: str) -> str:
+def type_hash(type_name: str) -> str:
+    """Return the hash of an installed type, by which publishers name its version; empty if there is none."""
     package, name, part = _named(type_name)
     for kind in ("msg", *PARTS):
         text = _file(package, kind, f"{name}.json")

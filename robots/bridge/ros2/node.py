@@ -31,6 +31,7 @@ from robots.bridge.ros2 import tasks
 from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
+from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
 from robots.bridge.ros2.network.survey import Listeners, is_there, problems
@@ -86,6 +87,7 @@ class RosBase:
         self.parts = Parts(PARTS, self._inputs)
         self.parameters: RobotParameters
         self.participant: Participant
+        self._joined: Joined
         self.graph: Graph
         self._presence: Presence
         self._listeners: Listeners
@@ -204,6 +206,7 @@ class RosBase:
     def join(self) -> None:
         """Join the robot's domain and read its sensors."""
         config, namespace, reception = self.config, self._ros.namespace, self._reception
+        self._joined = Joined(self._ros)
         self.participant = participant = Participant(
             BRIDGE.strip("/"), self._ros.domain_id, lambda: self.lost(name_taken=False)
         )
@@ -240,6 +243,11 @@ class RosBase:
     def holds(self) -> bool:
         """Return whether this bridge has the robot."""
         return self._presence.holds
+
+    @property
+    def cut_off(self) -> bool:
+        """Return whether the robot is silent, and may be in a network that this process does not use."""
+        return not self._heard() and self._joined.new()
 
     def hold(self) -> None:
         """Connect to the drive topic: the robot is this bridge's."""
@@ -286,8 +294,7 @@ class RosBase:
 
     def _look_for_restart(self) -> None:
         """Notice that all publishers of odometry are new: the robot was restarted."""
-        now_s = time.monotonic()
-        heard = {run for run, heard_s in list(self._sensors.runs.values()) if now_s - heard_s < HEARD_S}
+        heard = self._heard()
         if heard and self._runs and not heard & self._runs:
             log.info("the robot was restarted")
             self._runs = heard
@@ -296,6 +303,11 @@ class RosBase:
             self._descriptions.restarted()
             self._reception.restarted()
         self._runs = self._runs or heard
+
+    def _heard(self) -> set[int]:
+        """Return the runs of odometry that were heard lately."""
+        now_s = time.monotonic()
+        return {run for run, heard_s in list(self._sensors.runs.values()) if now_s - heard_s < HEARD_S}
 
     @property
     def tasks(self) -> HolderTasks:

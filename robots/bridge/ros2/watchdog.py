@@ -13,6 +13,7 @@ from rclpy.exceptions import InvalidHandle
 
 from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
 from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 FLUSH_S = 0.1
+LOOK_S = 2.0  # between two looks at the networks of this computer
 LEAVE_S = 1.0
 
 
@@ -83,23 +85,35 @@ class WatchdogNode:
     # --- on the thread for the domain ------------------------------------------------------------------
 
     def _keep_joined(self) -> None:
+        ros, drive = ros2(self._config.ros), self._config.drive
+        joined = Joined(ros)
         try:
-            self._participant = participant = Participant(
-                self._config.node.strip("/"), ros2(self._config.ros).domain_id
-            )
-            self._listeners = Listeners(Graph(participant.node), self._config.drive)
+            self._participant = participant = Participant(self._config.node.strip("/"), ros.domain_id)
+            self._listeners = Listeners(Graph(participant.node), drive)
+            listeners = Listeners(Graph(participant.node), drive)  # of this thread
             self._cancels = [
                 participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
                 for action in self._config.actions
             ]
             while not self._ending:
                 self._attend(participant)
-                self._news.wait()
+                self._news.wait(LOOK_S)
                 self._news.clear()
+                if not self._ending and self._is_cut_off(joined, listeners):
+                    log.warning(
+                        "this computer has joined another network: another process joins the robot again"
+                    )
+                    os._exit(1)
         except Exception:
             if not self._ending:
                 log.exception("joining the robot's domain failed")
                 os._exit(1)
+
+    def _is_cut_off(self, joined: Joined, listeners: Listeners) -> bool:
+        """Return whether zeros may not reach a robot that a new process would reach."""
+        if not joined.new():
+            return False
+        return joined.moved() or not any(listeners.of(*each) for each in self._drives.items())
 
     def _attend(self, participant: Participant) -> None:
         """Keep a publisher for each wanted drive topic, and for no other."""

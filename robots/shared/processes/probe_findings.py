@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Literal
 from uuid import UUID
 
 from msgspec import Struct
@@ -13,6 +14,8 @@ from robots.shared.wire.base import Worded
 CALLER = "/fleet_check"  # the probe's node name
 BRIDGE = "/fleet_bridge"  # the bridge's node name, the same from every console: a second bridge is refused
 WATCHDOG = "/fleet_watchdog"  # prefix of a watchdog's node name; it publishes only zeros
+
+FEEDBACK = "_FeedbackMessage"  # behind the type of an action of ROS 2: what its server tells of a goal
 
 
 def watchdog_name(robot_id: str) -> str:
@@ -28,6 +31,19 @@ class Listened(Struct, frozen=True):
     type: str
     stamped: bool
     frames: list[str] = []  # expected frame ids
+    kept: Literal["no", "may", "must"] = "no"  # of ROS 2: by publishers, for listeners that come later
+
+
+class Misfit(Struct, frozen=True):
+    """A node of ROS 2 that is not connected with another one, because of one policy of quality of service.
+
+    Policies and values are named as ROS 2 names them, such as "durability", "volatile", "transient local".
+    """
+
+    node: str
+    policy: str
+    offered: str
+    asked: str
 
 
 class Plan(Struct, frozen=True):
@@ -38,6 +54,7 @@ class Plan(Struct, frozen=True):
     listened: list[Listened]
     listen_s: float = 2.0
     arm: ArmSource | None = None  # the arm that the robot's description should have
+    commands: dict[str, Topic] = {}  # what is published beside velocities, such as the head's trajectories
 
 
 class HostFound(Struct, frozen=True):
@@ -68,24 +85,26 @@ class TopicFound(Worded, frozen=True):
     what: str
     publishers: list[str]
     type: str | None = None  # as offered
-    md5: str | None = None
+    md5: str | None = None  # of ROS 2: type hash
     our_md5: str | None = None  # None: the type is unknown here
     messages: int = 0
     frames: list[str] = []
     skew_s: float | None = None  # stamp minus our clock, of the message with the largest difference
     error: str | None = None
     ranges: dict[str, float] = {}  # of sonars, by frame id; metres
+    misfits: list[Misfit] = []  # publishers of ROS 2 that keep too little for the console
 
 
 class DriveFound(Struct, frozen=True):
-    """The drive topic: publishers, subscribers, and its type if it is another one."""
+    """The drive topic, or another one that gets commands: publishers, subscribers, its type if it is another one."""
 
     publishers: list[str]
     subscribers: list[str]
     type: str | None
     refused: list[
-        str
-    ] = []  # subscribers of ROS 2 that ask for more than is offered, so that they get nothing
+        Misfit
+    ] = []  # subscribers of ROS 2 that get nothing, because they ask for more than is offered
+    differing: list[str] = []  # subscribers of ROS 2 with another version of the type
 
 
 class DescriptionFound(Worded, frozen=True):
@@ -112,3 +131,6 @@ class Findings(Worded, frozen=True):
     drive: DriveFound | None = None
     description: DescriptionFound | None = None
     clock_is_simulated: bool = False
+    commands: dict[str, DriveFound] = {}  # by `Plan.commands`
+    twins: list[str] = []  # of ROS 2: names that several nodes have
+    shared_memory: list[str] = []  # of ROS 2: other users whose files stand there for this domain

@@ -13,6 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
 MESSAGES = WHEELS / "messages"  # packages generated from definitions
+MANY_PEERS = Path(__file__).with_name("many_peers.xml")
+MULTICAST = "239.255.0.1"  # where nodes announce themselves; with static peers they do so there no more
 READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
 # The wheels start Python again with the libraries' folders, unless this is set.

@@ -11,16 +11,20 @@ import msgspec
 import pytest
 
 from fleet.accounts.models import User
-from robots.check.robot_check import Check, judge, plan_for, run_checks
+from robots.check.judgement import judge
+from robots.check.plan import plan_for
+from robots.check.results import Check
+from robots.check.robot_check import run_checks
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import bridge_config
-from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.processes.probe_findings import (
     CallbackFound,
     DescriptionFound,
     DriveFound,
     Findings,
     HostFound,
+    Misfit,
     TopicFound,
 )
 
@@ -155,11 +159,46 @@ def test_two_robots_with_the_same_names_in_a_domain_are_found(config_2, well_2) 
     )
 
 
-def test_a_listener_that_asks_for_old_velocities_is_named(config_2, well_2) -> None:
-    drive = DriveFound([], [], None, refused=["/twist_mux"])
+def test_two_nodes_of_one_name_may_be_two_robots(config_2, well_2) -> None:
+    check = answer(config_2, msgspec.structs.replace(well_2, twins=["/twist_mux"]), "two robots")
+    assert (check.level, "Several nodes are called /twist_mux" in check.text) == ("warn", True)
+
+
+@pytest.mark.parametrize(("subscribers", "level"), [([], "fail"), (["/base"], "warn")])
+def test_a_listener_that_asks_for_old_velocities_is_named(config_2, well_2, subscribers, level) -> None:
+    refused = [Misfit("/twist_mux", "durability", "volatile", "transient local")]
+    drive = DriveFound([], subscribers, None, refused)
     check = answer(config_2, msgspec.structs.replace(well_2, drive=drive), "drive")
-    assert (check.level, "durability volatile" in check.advice) == ("fail", True)
-    assert check.text.startswith("/twist_mux gets nothing on /key_vel")
+    assert (check.level, check.text) == (
+        level,
+        "/twist_mux gets nothing on /key_vel: "
+        "it asks for durability transient local, the console offers volatile.",
+    )
+    assert check.advice.startswith("Set the durability of its subscription to volatile")
+
+
+def test_a_listener_with_another_version_of_the_type_is_named(config_2, well_2) -> None:
+    drive = DriveFound([], ["/twist_mux"], None, differing=["/twist_mux"])
+    check = answer(config_2, msgspec.structs.replace(well_2, drive=drive), "drive")
+    assert check.level == "warn" and "/twist_mux listens to /key_vel, but" in check.text
+
+
+@pytest.mark.parametrize(("messages", "level"), [(0, "fail"), (1, "warn")])
+def test_shared_memory_of_another_user_is_named(config_2, well_2, messages: int, level: str) -> None:
+    topics = [msgspec.structs.replace(topic, messages=messages) for topic in well_2.topics]
+    found = msgspec.structs.replace(well_2, topics=topics, shared_memory=["pal"])
+    check = answer(config_2, found, "shared memory")
+    assert (check.level, "files of pal" in check.text) == (level, True)
+
+
+def test_a_clock_that_lags_keeps_a_robot_from_stamped_velocities(config_2, well_2) -> None:
+    stamped = Topic("/cmd_vel", "geometry_msgs/msg/TwistStamped")
+    topics = msgspec.structs.replace(config_2.topics, drive=stamped)
+    late = with_topic(well_2, "odometry", skew_s=-2.0)
+    late = msgspec.structs.replace(late, topics=late.topics[:1])
+    config = msgspec.structs.replace(config_2, topics=msgspec.structs.replace(topics, scans=[]))
+    check = next(each for each in judge(config, late) if each.name == "clock")
+    assert (check.level, "refuses velocities with old stamps" in check.advice) == ("fail", True)
 
 
 def test_a_type_without_its_package_is_named(config_2, well_2) -> None:

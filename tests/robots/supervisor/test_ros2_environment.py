@@ -44,6 +44,14 @@ def test_a_robot_is_reached_by_its_own_domain_and_no_other(installed, monkeypatc
     assert str(installed / "lib") in found["LD_LIBRARY_PATH"].split(":")
 
 
+def test_static_peers_are_asked_for_many_processes_beside_multicast(installed) -> None:
+    found = environment_of(Ros2(7, "subnet", ("10.68.0.1",)))
+    assert found["ROS_STATIC_PEERS"] == "239.255.0.1;10.68.0.1"
+    profile = Path(found["FASTDDS_DEFAULT_PROFILES_FILE"]).read_text()
+    assert "<maxInitialPeersRange>64<" in profile and "<useBuiltinTransports>false<" in profile
+    assert "FASTDDS_DEFAULT_PROFILES_FILE" not in environment_of(Ros2(7, "subnet"))
+
+
 def test_with_a_discovery_server_nothing_is_searched(installed) -> None:
     found = environment_of(Ros2(7, discovery_server="10.68.0.1:11811"))
     assert (found["ROS_DISCOVERY_SERVER"], found["ROS_SUPER_CLIENT"]) == ("10.68.0.1:11811", "TRUE")

@@ -7,7 +7,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from robots.check.robot_check import FAIL, OK, Check, run_checks
+from robots.check.results import FAIL, OK, Check
+from robots.check.robot_check import run_checks
 from robots.registry.models import Robot
 from robots.shared import wire
 

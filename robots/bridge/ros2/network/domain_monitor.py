@@ -34,6 +34,10 @@ class Node(Protocol):
     def hold(self) -> None:
         """Connect to the drive topic: the robot is this bridge's. Called once."""
 
+    @property
+    def cut_off(self) -> bool:
+        """Return whether the robot can only be found by a process that joins now."""
+
     def survey(self) -> None:
         """Look who is in the domain."""
 
@@ -108,6 +112,10 @@ class DomainMonitor:
                 self._cannot_join(error)
                 return False
             self._held = True
+        if self._node.cut_off:
+            text = say("This computer has joined another network: the bridge starts again.")
+            self._lose(text, name_taken=False)
+            return False
         if time.monotonic() - self._surveyed_s >= SURVEY_S:
             self._surveyed_s = time.monotonic()
             self._node.survey()

@@ -7,87 +7,77 @@ It joins the robot's domain for a few seconds, in the environment of the robot's
 from __future__ import annotations
 
 import math
-import socket
+import os
+import re
 import struct
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
-from importlib import import_module
+from contextlib import suppress
+from pathlib import Path
+from pwd import getpwuid
 from typing import Any
 
 import msgspec
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 
 from robots.bridge.robot.description.described import described
-from robots.bridge.ros2.network.graph import node_name
-from robots.bridge.ros2.participant import guarded
-from robots.bridge.ros2.qos import kept
+from robots.bridge.ros2.definitions import type_hash
+from robots.bridge.ros2.message_types import TypeUnknown, message_class
+from robots.bridge.ros2.network.graph import node_name, nodes
+from robots.bridge.ros2.network.offers import lacking, refused
+from robots.bridge.ros2.network.searching import (
+    FIRST_PORT,
+    FOUND_S,
+    LEAVE_S,
+    PORTS,
+    others,
+    unknown_address,
+    why_not_found,
+)
+from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.qos import DRIVE, STATIC, kept
 from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2, ros2
 from robots.shared.graph import is_own
 from robots.shared.messages.type_names import bare
 from robots.shared.processes.probe_findings import (
     CALLER,
+    FEEDBACK,
     DriveFound,
     Findings,
     Listened,
+    Misfit,
     Plan,
     TopicFound,
 )
-from robots.shared.sentences import joined, say
+from robots.shared.sentences import say
 
-FOUND_S = 3.0  # by which nodes of this network are found
 SETTLED_S = 1.0  # from the first node to the last, and its topics
-OTHER_DOMAINS = range(10)  # where a robot is looked for that is not in its own
-MULTICAST = ("239.255.0.1", 7400)  # where Fast DDS looks for others
+LOOK_S = 0.05
+LARGEST = 32 * 1024 * 1024  # bytes of a message
 STAMP = struct.Struct("<iII")  # of a std_msgs/Header: seconds, nanoseconds, length of the frame id
 ENCAPSULATION = 4  # bytes before a message
-
-
-class Member:
-    """A node in one domain."""
-
-    def __init__(self, domain: int) -> None:
-        self.context = Context()
-        rclpy.init(
-            args=[], context=self.context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
-        )
-        self.node = Node(
-            CALLER.strip("/"),
-            context=self.context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-
-    def others(self) -> list[str]:
-        """Return the names of all nodes that are no processes of a console."""
-        names = (f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces())
-        return [name for name in names if not is_own(name) and name != CALLER]
-
-    def close(self) -> None:
-        self.node.destroy_node()
-        self.context.shutdown()
+SHARED, SHARED_PORT = Path("/dev/shm"), re.compile(r"fast(?:dds|rtps)_port(\d+)")  # noqa: S108  (Fast DDS's)
 
 
 def probe(plan: Plan) -> Findings:
     """Check the robot as planned; takes a few seconds."""
     ros = ros2(plan.ros)
-    member = Member(ros.domain_id)
+    if (peer := unknown_address(ros)) is not None:
+        return Findings(master_error=say("The address of {peer} is not known on this computer.", peer=peer))
+    participant = Participant(CALLER.strip("/"), ros.domain_id)
     try:
-        if not _until(lambda: bool(member.others()), FOUND_S):
-            return Findings(master_error=_nothing(ros))
-        time.sleep(SETTLED_S)
-        return _found(member, plan, ros)
+        if _until(lambda: bool(others(participant)), FOUND_S):
+            time.sleep(SETTLED_S)
+            return _found(participant, plan, ros)
     finally:
-        member.close()
+        participant.close(LEAVE_S)
+    return Findings(master_error=why_not_found(plan, ros))
 
 
 def _until(is_true: Callable[[], bool], seconds: float) -> bool:
@@ -95,100 +85,96 @@ def _until(is_true: Callable[[], bool], seconds: float) -> bool:
     while not is_true():
         if time.monotonic() > end_s:
             return False
-        time.sleep(0.05)
+        time.sleep(LOOK_S)
     return True
 
 
-def _nothing(ros: Ros2) -> str:
-    """Return why the robot may not be found: where nodes are, and how this computer searched."""
-    whys: list[str] = [say("No node answers in domain {domain}.", domain=ros.domain_id)]
-    members = {domain: Member(domain) for domain in OTHER_DOMAINS if domain != ros.domain_id}
-    try:
-        _until(lambda: any(member.others() for member in members.values()), FOUND_S)
-        whys += [
-            say("{nodes} answers in domain {domain}.", nodes=found[0], domain=domain)
-            for domain, member in members.items()
-            if (found := member.others())
-        ]
-    finally:
-        for member in members.values():
-            member.close()
-    if ros.discovery_server:
-        whys.append(say("Only the discovery server {server} was asked.", server=ros.discovery_server))
-    elif ros.discovery == "localhost":
-        whys.append(say("The search stays on this computer."))
-    elif ros.discovery == "off":
-        whys.append(say("Only the static peers were asked."))
-    else:
-        whys.append(_searched())
-    return joined(" ", whys)
-
-
-def _searched() -> str:
-    """Return where multicast leaves this computer. Connecting a datagram socket sends nothing."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams:
-        try:
-            datagrams.connect(MULTICAST)
-        except OSError:
-            return say("No network of this computer takes multicast.")
-        address: str = datagrams.getsockname()[0]
-    return say("Multicast leaves this computer from {address}.", address=address)
-
-
-def _found(member: Member, plan: Plan, ros: Ros2) -> Findings:
-    node = member.node
-    heard = [_Heard(node, listened) for listened in plan.listened]
-    description = _Heard(
-        node, Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False)
-    )
-    executor = SingleThreadedExecutor(context=member.context)
-    executor.add_node(node)
-    end_s = time.monotonic() + plan.listen_s
-    while time.monotonic() < end_s and not all(one.done for one in [*heard, description]):
-        executor.spin_once(timeout_sec=max(end_s - time.monotonic(), 0.0))
-    text = deserialize_message(description.last, String).data if description.last else None
+def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
+    description = Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False)
+    heard = [_Heard(participant, one) for one in [*plan.listened, description]]
+    participant.start()
+    _until(lambda: all(one.done for one in heard), plan.listen_s)
+    last = heard.pop().last
     return Findings(
         topics=[one.found() for one in heard],
-        drive=_drive(node, plan),
-        description=described(plan.arm, text),
-        clock_is_simulated=bool(node.count_publishers("/clock")),
+        drive=_commanded(participant, plan.drive),
+        commands={what: _commanded(participant, topic) for what, topic in plan.commands.items()},
+        description=described(plan.arm, deserialize_message(last, String).data if last else None),
+        clock_is_simulated=bool(participant.node.count_publishers("/clock")),
+        twins=sorted(name for name, count in Counter(others(participant)).items() if count > 1),
+        shared_memory=_strangers(ros),
     )
 
 
-def _drive(node: Node, plan: Plan) -> DriveFound:
-    topic = plan.drive.name
-    listeners = [one for one in node.get_subscriptions_info_by_topic(topic) if not is_own(node_name(one))]
-    types = sorted({one.topic_type for one in listeners} - {plan.drive.type})
-    fitting = [one for one in listeners if one.topic_type == plan.drive.type]
-    old = DurabilityPolicy.TRANSIENT_LOCAL  # it asks for twists of before, which nobody keeps
+def _commanded(participant: Participant, topic: Topic) -> DriveFound:
+    """Return who gets what the console publishes on a topic."""
+    node = participant.node
+    listeners = [
+        one for one in node.get_subscriptions_info_by_topic(topic.name) if not is_own(node_name(one))
+    ]
+    types = sorted({one.topic_type for one in listeners} - {topic.type})
+    fitting = [one for one in listeners if one.topic_type == topic.type]
+    unfit = refused(DRIVE, fitting)
     return DriveFound(
-        publishers=sorted({node_name(one) for one in node.get_publishers_info_by_topic(topic)}),
-        subscribers=sorted({node_name(one) for one in fitting if one.qos_profile.durability != old}),
+        publishers=sorted(map(node_name, node.get_publishers_info_by_topic(topic.name))),
+        subscribers=sorted({*nodes(fitting)} - {one.node for one in unfit}),
         type=types[0] if types and not fitting else None,
-        refused=sorted({node_name(one) for one in fitting if one.qos_profile.durability == old}),
+        refused=unfit,
+        differing=nodes(one for one in fitting if _theirs(one)),
     )
+
+
+def _theirs(endpoint: TopicEndpointInfo) -> str:
+    """Return the type hash of an endpoint if it differs from ours. ROS 2 before Iron tells none."""
+    theirs, ours = str(endpoint.topic_type_hash), type_hash(endpoint.topic_type)
+    return theirs if theirs.startswith("RIHS") and ours and theirs != ours else ""
+
+
+def _strangers(ros: Ros2) -> list[str]:
+    """Return the other users whose files are in shared memory for this domain, if the console uses it.
+
+    It does so only if it searches on this computer. Two processes of one computer that both offer shared memory use
+    nothing else, even if one may not write into the other's files.
+    """
+    if ros.discovery_server or ros.discovery == "subnet":
+        return []
+    found = set()
+    for file in SHARED.glob("fast*_port*"):
+        port = SHARED_PORT.fullmatch(file.name)
+        if port and (int(port[1]) - FIRST_PORT) // PORTS == ros.domain_id:
+            with suppress(OSError):  # it has just gone
+                found.add(file.stat().st_uid)
+    return sorted(map(_user, found - {os.geteuid()}))
+
+
+def _user(number: int) -> str:
+    try:
+        return getpwuid(number).pw_name
+    except KeyError:
+        return str(number)
 
 
 class _Heard:
     """One topic: its publishers, and the messages that come."""
 
-    def __init__(self, node: Node, listened: Listened) -> None:
+    def __init__(self, participant: Participant, listened: Listened) -> None:
         self._listened = listened
-        self._publishers = node.get_publishers_info_by_topic(listened.topic)
+        self._publishers = participant.node.get_publishers_info_by_topic(listened.topic)
         self._frames, self._skews = set[str](), list[float]()
         self._ranges: dict[str, float] = {}
         self._messages = 0
         self.last = b""
-        kind = _kind(listened.type)
+        kind = _class(listened.type)
         self._known = kind is not None
-        types = {one.topic_type for one in self._publishers}
-        self._type = listened.type if listened.type in types else next(iter(sorted(types)), None)
-        self.done = kind is None or listened.type not in types
+        self._fitting = [one for one in self._publishers if one.topic_type == listened.type]
+        found_types = sorted({one.topic_type for one in self._publishers})
+        self._type = listened.type if self._fitting else next(iter(found_types), None)
+        self.done = kind is None or not self._fitting
         if not self.done:
-            offered = kept(one.qos_profile for one in self._publishers)
-            node.create_subscription(kind, listened.topic, guarded(self._take), offered, raw=True)
+            offered = STATIC if listened.kept == "must" else kept(one.qos_profile for one in self._publishers)
+            participant.listen(listened.topic, kind, self._take, offered, LARGEST)
 
-    def _take(self, raw: bytes) -> None:
+    def _take(self, raw: bytes, _info: Any) -> None:
         self._messages, self.last = self._messages + 1, raw
         if self._listened.stamped:
             seconds, nanoseconds, length = STAMP.unpack_from(raw, ENCAPSULATION)
@@ -201,18 +187,27 @@ class _Heard:
         self.done = self._frames.issuperset(self._listened.frames)
 
     def found(self) -> TopicFound:
-        names = [node_name(one) for one in self._publishers]
+        theirs = next(filter(None, map(_theirs, self._fitting)), "")
+        ours = type_hash(self._listened.type) if theirs else ""
         return TopicFound(
             self._listened.what,
-            names,
+            [node_name(one) for one in self._publishers],
             type=self._type,
-            md5="",
-            our_md5="" if self._known else None,
+            md5=theirs,
+            our_md5=ours if self._known else None,
             messages=self._messages,
             frames=sorted(self._frames),
             ranges=self._ranges,
             skew_s=max(self._skews, default=None),
+            misfits=self._misfits(),
         )
+
+    def _misfits(self) -> list[Misfit]:
+        """Return the publishers that keep nothing for the console, which comes later."""
+        kept_by = self._listened.kept
+        if kept_by == "must" or (kept_by == "may" and not self._messages):
+            return lacking(self._fitting, STATIC)
+        return []
 
 
 def _range(raw: bytes, end: int, frame: str) -> dict[str, float]:
@@ -223,14 +218,14 @@ def _range(raw: bytes, end: int, frame: str) -> dict[str, float]:
     return {frame: range_m} if math.isfinite(range_m) else {}
 
 
-def _kind(type_name: str) -> type[Any] | None:
-    """Return the class of a message; None if its package is missing here."""
-    package, folder, name = type_name.split("/")
+def _class(type_name: str) -> Any:
+    """Return the class of a message, or of what an action tells of a goal; None if its package is missing here."""
+    action = type_name.removesuffix(FEEDBACK)
     try:
-        found: type[Any] = getattr(import_module(f"{package}.{folder}"), name)
-    except (ImportError, AttributeError):
+        found = message_class(action)
+    except TypeUnknown:
         return None
-    return found
+    return found if action == type_name else found.Impl.FeedbackMessage
 
 
 if __name__ == "__main__":

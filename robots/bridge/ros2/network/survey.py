@@ -7,13 +7,15 @@ import math
 import time
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robots.bridge.ros2.network.graph import Graph, node_name
+from robots.bridge.ros2.network.offers import refused
 from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.bridge_config import Topic, Topics
 from robots.shared.graph import is_own
+from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
@@ -48,16 +50,15 @@ def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
 
 
 def problems(graph: Graph, drive: str) -> list[str]:
-    """Return a sentence for each listener that wants old velocities too, which the console never keeps."""
-    return [
-        say(
-            "{node} gets nothing on {topic}: it asks for durability transient local, the console offers volatile.",
-            node=node_name(listener),
-            topic=drive,
-        )
-        for listener in _others(graph.subscribers(drive))
-        if listener.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    """Return a sentence for each listener that asks for more than the console offers, and for a second bridge."""
+    words = "{node} gets nothing on {topic}: it asks for {policy} {asked}, the console offers {offered}."
+    found: list[str] = [
+        say(words, node=one.node, topic=drive, policy=one.policy, asked=one.asked, offered=one.offered)
+        for one in refused(DRIVE, _others(graph.subscribers(drive)))
     ]
+    if [node_name(one) for one in graph.publishers(drive)].count(BRIDGE) > 1:
+        found.append(say("The bridge of another console publishes to {topic}, too: stop it.", topic=drive))
+    return found
 
 
 def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:

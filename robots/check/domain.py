@@ -1,0 +1,43 @@
+"""Results that only robots with ROS 2 have: what else is in the domain, and how its messages travel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from django.utils.translation import gettext as _
+
+from robots.check.results import FAIL, WARN, Check, listed
+from robots.shared.processes.probe_findings import Findings
+
+
+def domain_checks(findings: Findings) -> Iterator[Check]:
+    """Yield the faults of a robot's domain."""
+    yield from _twins(findings)
+    yield from _shared_memory(findings)
+
+
+def _twins(findings: Findings) -> Iterator[Check]:
+    """Yield a fault if two robots seem to have the same names: DDS lets both live, and a twist moves both."""
+    advice = _("Give each robot a domain or a namespace of its own.")
+    odometry = findings.topics[0].publishers
+    if len(odometry) > 1:
+        text = _("%s publish odometry: two robots seem to be in this domain.") % listed(odometry)
+        yield Check(_("two robots"), FAIL, text, advice)
+    elif findings.twins:
+        text = _("Several nodes are called %s: do two robots, or two starts of one robot, share this domain?")
+        yield Check(_("two robots"), WARN, text % listed(findings.twins), advice)
+
+
+def _shared_memory(findings: Findings) -> Iterator[Check]:
+    """Yield a fault if messages cannot pass by shared memory, because the robot's nodes are another user's."""
+    if not findings.shared_memory:
+        return
+    text = _("In shared memory (/dev/shm) stand files of %s for this domain, which other users cannot write.")
+    is_silent = not any(topic.messages for topic in findings.topics)
+    advice = _(
+        "Run the robot’s nodes as the console’s user, or without shared memory (FASTDDS_BUILTIN_TRANSPORTS=UDPv4), "
+        "or search in this computer’s networks. If no such node runs, remove the files (fastdds shm clean)."
+    )
+    yield Check(
+        _("shared memory"), FAIL if is_silent else WARN, text % listed(findings.shared_memory), advice
+    )
