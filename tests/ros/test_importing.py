@@ -41,6 +41,8 @@ NEITHER = [
     "_hashlib",
     "catkin_pkg",
     "bz2",
+    "csv",
+    "yaml.nodes",
     "xml.dom.domreg",
     "geometry_msgs.msg._Wrench",
 ]
@@ -62,6 +64,14 @@ def test_a_process_of_each_robot_imports_little(lighten, program, not_wanted):
 def test_left_out_messages_come_when_they_are_asked_for():
     ask = "import std_msgs.msg as kinds; print(kinds.String('here').data, hasattr(kinds, 'Nothing'))"
     assert printed(ask) == ["here", "False"]
+
+
+def test_what_is_needed_seldom_comes_when_it_is_asked_for():
+    ask = (
+        "import importlib.metadata, yaml; from std_msgs.msg import String;"
+        "print(str(String('here')), importlib.metadata.version('numpy'), yaml.safe_load('[1]'))"
+    )
+    assert printed(ask)[:2] == ["data:", '"here"']
 
 
 def printed(program: str, lighten: str = "lighten") -> list[str]:

@@ -106,7 +106,7 @@ class Memory:
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
         # working memory: which of several points in a cell is last
-        self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
+        self._order = np.zeros(CELLS * CELLS, dtype=np.int32)
         # the entries that live, in order of `points`
         self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
         self._odometer = Odometer()
@@ -242,7 +242,7 @@ class Memory:
 
     def _one_per_cell(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return each cell once, and the number of the last point in it."""
-        numbers = np.arange(len(cells))
+        numbers = np.arange(len(cells), dtype=np.int32)
         self._order[cells] = numbers
         kept = np.flatnonzero(self._order[cells] == numbers)
         return cells[kept], kept
