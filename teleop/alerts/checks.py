@@ -71,7 +71,7 @@ def _of_robot(robot: Robot, address: LinkAddress) -> Trouble | None:
         )
         return Trouble("bridge", robot.slug, words, robot)
     if state.phase != "online":
-        words = say("{robot} does not answer: {why}", robot=robot.name, why=state.text)
+        words = say("{robot} does not answer: {why}", robot=robot.name, why=state.sentence)
         return Trouble("robot", robot.slug, words, robot)
     if state.watchdog_missing:
         words = say("{robot}: its watchdog is missing: only the bridge can stop it.", robot=robot.name)

@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,12 +15,13 @@ import yaml
 from django.conf import LazySettings
 from django.db import OperationalError
 from django.test import Client
-from django.utils import timezone
+from django.utils import timezone, translation
 
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from fleet.base.database.schema import SchemaRefused
+from fleet.base.formats.sentences import in_words
 from robots.recordings.models import Place, Recording
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, forget, only_instance
@@ -237,6 +239,16 @@ def test_a_robot_whose_bridge_is_gone_is_found(robot: Robot, settings: LazySetti
     Robot.objects.update(enabled=True)
     (trouble,) = checks.robots()
     assert (trouble.kind, trouble.subject, trouble.robot) == ("bridge", robot.slug, robot)
+
+
+def test_why_a_robot_does_not_answer_is_translated(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    Robot.objects.update(enabled=True)
+    why = say("No ROS master answers at {uri} ({error}).", uri="http://tiago:11311", error="refused")
+    state = SimpleNamespace(phase="waiting", text=str(why), sentence=why)
+    monkeypatch.setattr(checks, "state_once", lambda *_: state)
+    (trouble,) = checks.robots()
+    with translation.override("de"):
+        assert in_words(trouble.words).startswith("TIAGo 1 antwortet nicht: Kein ROS-Master")
 
 
 @pytest.mark.django_db
