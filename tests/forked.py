@@ -3,6 +3,8 @@
 A test process starts dozens of bridges, simulators and masters. Each would import rospy, numpy and MuJoCo, which
 takes most of its computing time. A fork has its own memory and files, like any other process. A missing import of a
 program shows only where its command is started: in `tests/script` and `tests/ros/test_run_fleet.py`.
+
+Each ROS has such a process of its own: both have packages of the same names.
 """
 
 from __future__ import annotations
@@ -21,20 +23,53 @@ from contextlib import suppress
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
+from unittest.mock import patch
 
+from robots.shared.ros2.environment import MESSAGES, WHEELS, ros_environment
+from robots.shared.ros2.importing import make_importable
 from tests.processes import REPOSITORY
 
-# Not "rosmaster": it keeps the arguments of the process that loads it.
-LOADED = (
-    "robots.bridge.ros",  # first: it makes rospy importable
-    "robots.bridge.process",
-    "robots.bridge.watchdog.process",
-    "robots.simulator.ros.process",
-    "robots.simulator.worlds",
-)
 SIGNAL_OF_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
 _context = multiprocessing.get_context("forkserver")
-_context.set_forkserver_preload([*LOADED])
+
+
+class Forks:
+    """A process that has modules loaded, in an environment of its own. It starts with the first program."""
+
+    def __init__(self, environment: Mapping[str, str], *loaded: str) -> None:
+        self._environment = environment
+        self._server = forkserver.ForkServer()
+        self._server.set_forkserver_preload([*loaded])
+
+    def start(self, process: multiprocessing.process.BaseProcess) -> None:
+        """Start it as a fork. The library knows one such process for all programs."""
+        connect = self._server.connect_to_new_process
+        with (
+            patch.dict(os.environ, self._environment),
+            patch.object(forkserver, "connect_to_new_process", connect),
+        ):
+            process.start()
+
+    def stop(self) -> None:
+        self._server._stop()  # type: ignore[attr-defined]
+
+
+_BOTH = ("robots.bridge.process", "robots.bridge.watchdog.process", "robots.simulator.worlds")
+# Not "rosmaster": it keeps the arguments of the process that loads it.
+ROS1 = Forks(
+    {},
+    "robots.bridge.ros",  # first: it makes rospy importable
+    *_BOTH,
+    "robots.simulator.ros.process",
+)
+ROS2 = Forks(
+    ros_environment([MESSAGES, WHEELS]),
+    "robots.bridge.ros2",  # first: it makes rclpy importable
+    *_BOTH,
+    "robots.bridge.ros2.node",
+    "robots.bridge.ros2.watchdog",
+    "robots.simulator.ros2.process",
+)
 
 
 class ForkedProgram:
@@ -44,14 +79,16 @@ class ForkedProgram:
     that of the tests, with changes.
     """
 
-    def __init__(self, program: str, *arguments: str, log: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, program: str, *arguments: str, log: Path, environment: Mapping[str, str], forks: Forks = ROS1
+    ) -> None:
         self.args = [program, *arguments]
         log.touch()
         reading, self.stdin = _context.Pipe(duplex=False)
         with reading:
             task = (self.args, str(log), dict(environment), reading)
             self._process = _context.Process(target=_run, args=task, daemon=True)
-            self._process.start()
+            forks.start(self._process)
         assert self._process.pid is not None
         self.pid: int = self._process.pid
 
@@ -84,11 +121,12 @@ class ForkedProgram:
 
 
 def end_forks() -> None:
-    """End all forks and the process that makes them. Then their computing time counts as this process's."""
+    """End all forks and the processes that make them. Then their computing time counts as this process's."""
     for left in multiprocessing.active_children():
         left.kill()
         left.join()
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+    for forks in (ROS1, ROS2):
+        forks.stop()
 
 
 def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connection) -> None:
@@ -98,6 +136,7 @@ def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connecti
     os.close(forkserver._forkserver._forkserver_alive_fd)  # type: ignore[attr-defined]
     os.chdir(REPOSITORY)
     os.environ.update(environment)
+    make_importable()  # the library has set Python's path to that of the tests
     with open(log, "ab") as output:
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)

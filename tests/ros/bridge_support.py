@@ -11,7 +11,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 from websockets.exceptions import ConnectionClosed
@@ -27,7 +27,7 @@ from robots.shared.configuration.bridge_config import (
     Topics,
 )
 from robots.shared.configuration.gate_profile import GateProfile, Limits
-from robots.shared.configuration.robot_ros import Ros1
+from robots.shared.configuration.robot_ros import Ros, Ros1
 from robots.shared.configuration.watchdog_config import lane_path, watchdog_config
 from tests.forked import ForkedProgram
 from tests.processes import PATIENCE_S, end, until
@@ -40,8 +40,19 @@ SONARS = {
 }
 
 
+class Host(Protocol):
+    """Where a robot's processes find each other: a rosmaster, or a domain."""
+
+    def fork(self, program: str, *arguments: str, log: Path) -> ForkedProgram: ...
+
+
 def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
-    """A TIAGo's configuration as the registry writes it, with changes: ``name="Ann"``, ``gate={"has_arm": True}``.
+    """A TIAGo's configuration as the registry writes it, with changes: ``name="Ann"``, ``gate={"has_arm": True}``."""
+    return robot_config(folder, **{"ros": Ros1(master.uri, "127.0.0.1")} | changes)
+
+
+def robot_config(folder: Path, ros: Ros, **changes: Any) -> BridgeConfig:
+    """The same for a robot with any ROS. Its topics are those of ROS 1.
 
     The socket is in a folder with a short name, because the length of a socket's path is limited.
     """
@@ -51,7 +62,7 @@ def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
         robot_id=robot_id,
         slug="tiago-1",
         name="Tiago 1",
-        ros=Ros1(master.uri, "127.0.0.1"),
+        ros=ros,
         topics=Topics(
             drive=Topic("/key_vel", "geometry_msgs/Twist"),
             odometry=Topic("/mobile_base_controller/odom", "nav_msgs/Odometry"),
@@ -88,9 +99,9 @@ def drivable(state: wire.State) -> bool:
 class RobotProcess:
     """One of a robot's processes. It ends when its standard input closes: the supervisor has died."""
 
-    def __init__(self, master: Master, log: Path, module: str, *arguments: str) -> None:
+    def __init__(self, master: Host, log: Path, module: str, *arguments: str) -> None:
         self.log = log
-        self.process = ForkedProgram(module, *arguments, log=log, environment=master.environment())
+        self.process = master.fork(module, *arguments, log=log)
 
     def cut_life_line(self) -> int:
         """Close the process's standard input, as if the supervisor died; return the exit code."""
@@ -110,7 +121,7 @@ class RobotProcess:
 class BridgeProcess(RobotProcess):
     """One bridge."""
 
-    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
+    def __init__(self, config: BridgeConfig, master: Host, folder: Path) -> None:
         self.config = config
         self.records = folder / f"{config.robot_id}.records"
         config_file = folder / f"{config.robot_id}.config"
@@ -141,9 +152,7 @@ class BridgeProcess(RobotProcess):
 
 
 @contextmanager
-def running_bridge(
-    config: BridgeConfig, master: Master, folder: Path
-) -> Iterator[tuple[BridgeProcess, Hand]]:
+def running_bridge(config: BridgeConfig, master: Host, folder: Path) -> Iterator[tuple[BridgeProcess, Hand]]:
     """A bridge and one link to it, for the length of a `with` block."""
     process = BridgeProcess(config, master, folder)
     try:
@@ -156,7 +165,7 @@ def running_bridge(
 class WatchdogProcess(RobotProcess):
     """The watchdog of a bridge's robot."""
 
-    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
+    def __init__(self, config: BridgeConfig, master: Host, folder: Path) -> None:
         self.config = config
         encoded = msgspec.json.encode(watchdog_config(config)).decode()
         super().__init__(

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
-import queue
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ import rospy
 
 from robots.bridge.ros.tasks.publishing import immediate_publisher
 from tests.forked import ForkedProgram
+from tests.messages import Messages
 from tests.processes import PATIENCE_S, REPOSITORY, end, free_port, until
 
 ROSMASTER = "/usr/bin/rosmaster"
@@ -54,9 +53,13 @@ class Master:
         """Start the master and wait until it answers."""
         (self._folder / "log").mkdir(parents=True, exist_ok=True)
         words, log = (ROSMASTER, "--core", "-p", str(self.port)), self._folder / "rosmaster.log"
-        self.process = ForkedProgram(*words, log=log, environment=self.environment())
+        self.process = self.fork(*words, log=log)
         until(self.answers, f"rosmaster on port {self.port}")
         return self
+
+    def fork(self, program: str, *arguments: str, log: Path, **changes: str) -> ForkedProgram:
+        """Start a program that uses the master, with these changes of its environment."""
+        return ForkedProgram(program, *arguments, log=log, environment=self.environment() | changes)
 
     def answers(self) -> bool:
         """Return whether the master answers."""
@@ -78,6 +81,15 @@ class Master:
             end(self.process)
 
 
+def simulator_words(name: str, **options: Any) -> list[str]:
+    """Return the program and the arguments of a simulated robot."""
+    flags = [
+        f"--{key.replace('_', '-')}" + ("" if value is True else f"={value}")
+        for key, value in options.items()
+    ]
+    return ["robots.simulator", f"--name={name}", "--exit-with-parent", *flags]
+
+
 class SimulatorProcess:
     """One process ``python -m robots.simulator`` that uses a master."""
 
@@ -88,12 +100,7 @@ class SimulatorProcess:
         self.node = f"/simulator_{name}".replace("-", "_")
         self.log = log
         self._master = master
-        flags = [
-            f"--{key.replace('_', '-')}" + ("" if value is True else f"={value}")
-            for key, value in options.items()
-        ]
-        words = ("robots.simulator", f"--name={name}", "--exit-with-parent", *flags)
-        self.process = ForkedProgram(*words, log=log, environment=master.environment() | (environment or {}))
+        self.process = master.fork(*simulator_words(name, **options), log=log, **(environment or {}))
 
     def wait_ready(self) -> SimulatorProcess:
         """Wait until the simulator's topics are registered."""
@@ -120,49 +127,18 @@ def is_up(master: Master, node: str) -> bool:
     return any(topic == LAST_TOPIC and node in nodes for topic, nodes in published)
 
 
-class Inbox:
+class Inbox(Messages):
     """The messages of one topic, in order of arrival."""
 
     def __init__(self, topic: str, kind: type) -> None:
-        self.topic = topic
-        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._subscriber = rospy.Subscriber(topic, kind, self._queue.put, tcp_nodelay=True)
+        super().__init__(topic)
+        self._subscriber = rospy.Subscriber(topic, kind, self.put, tcp_nodelay=True)
 
     @property
     def publishers(self) -> int:
         """Number of connected publishers."""
         count: int = self._subscriber.get_num_connections()
         return count
-
-    def next(self, timeout_s: float = PATIENCE_S) -> Any:
-        """Wait for the next message and return it."""
-        try:
-            return self._queue.get(timeout=timeout_s)
-        except queue.Empty:
-            raise AssertionError(f"nothing on {self.topic} within {timeout_s} s") from None
-
-    def until(self, condition: Callable[[Any], Any], timeout_s: float = PATIENCE_S) -> Any:
-        """Wait for a message for which `condition` is true; return it."""
-        deadline = time.monotonic() + timeout_s
-        last = None
-        while time.monotonic() < deadline:
-            last = self.next(timeout_s)
-            if condition(last):
-                return last
-        raise AssertionError(f"no such message on {self.topic} within {timeout_s} s; the last was\n{last}")
-
-    def settle(self) -> None:
-        """Wait for a message sent after this call. The next message may be older, so wait for two."""
-        self.drain()
-        self.next()
-        self.next()
-
-    def drain(self) -> list[Any]:
-        """Take all messages that have arrived."""
-        arrived = []
-        while not self._queue.empty():
-            arrived.append(self._queue.get())
-        return arrived
 
     def close(self) -> None:
         """Stop listening."""

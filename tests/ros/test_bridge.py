@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import signal
 import socket
-import stat
 import statistics
 import struct
 import time
@@ -32,7 +29,7 @@ from robots.bridge.ros.node import RosBase
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros1
-from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
+from robots.shared.processes.shutdown import EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
@@ -84,48 +81,6 @@ def still(message: Odometry) -> bool:
 
 def is_zero(twist: Twist) -> bool:
     return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
-
-
-def test_the_stick_turns_the_robot_and_letting_go_stops_it(ros, hand):
-    with ros.listen(ODOMETRY, Odometry) as odometry:
-        hand.stick(0.0, 0.5)
-        odometry.until(moving)
-        hand.let_go()
-        odometry.until(still, timeout_s=2.0)
-    hand.state_until(lambda state: state.neutral_needed, "the bridge to ask for a neutral stick")
-
-
-def test_the_drive_is_recorded_from_start_to_end(ros, hand, bridge):
-    with ros.listen(ODOMETRY, Odometry) as odometry:
-        hand.stick(0.0, 0.5)
-        odometry.until(moving)
-        hand.stick(0.0, 0.0)
-        odometry.until(still)
-    until(lambda: "drive.end" in bridge.records.read_text(), "the end on record")
-    assert bridge.records.read_text().splitlines()[0] == "drive.start"
-
-
-def test_a_closed_link_stops_the_robot(ros, hand):
-    with ros.listen(ODOMETRY, Odometry) as odometry, ros.listen("/key_vel", Twist) as twists:
-        hand.stick(0.0, 0.5)
-        odometry.until(moving)
-        hand.close()
-        twists.drain()
-        on_their_way = itertools.takewhile(lambda twist: not is_zero(twist), iter(twists.next, None))
-        assert len(list(on_their_way)) <= 2  # with the dead-man alone there would be five
-        odometry.until(still)
-
-
-def test_a_bridge_without_supervisor_stops_the_robot_and_ends(ros, hand, bridge):
-    with ros.listen(ODOMETRY, Odometry) as odometry, ros.listen("/key_vel", Twist) as twists:
-        hand.stick(0.0, 0.5)
-        odometry.until(moving)
-        assert bridge.cut_life_line() == 0
-        until(lambda: not twists.publishers, "the end of its connection")
-        *_, last = twists.drain()
-        assert is_zero(last)
-        odometry.until(still)
-    assert not Path(bridge.config.link.unix_path).exists()
 
 
 def test_an_ending_bridge_sends_zero_whatever_else_fails(rosmaster, tmp_path):
@@ -193,15 +148,6 @@ def test_a_lost_state_file_counts_as_a_pressed_stop(hand, bridge, bridges, rosma
     assert "missing" in state.stop.reason
 
 
-def test_the_socket_opens_for_its_owner_only(hand, bridge):
-    assert stat.S_IMODE(os.stat(bridge.config.link.unix_path).st_mode) == 0o600
-
-
-def test_a_second_bridge_on_this_machine_goes_at_once(hand, bridge, bridges, rosmaster):
-    second = bridges(rosmaster, bridge.config)
-    assert second.process.wait(20) == EXIT_ALREADY_RUNNING
-
-
 def test_another_consoles_bridge_is_refused_with_its_host(hand, bridges, rosmaster):
     other = bridges(rosmaster).link()
     state = other.state_until(lambda state: state.phase == "refused", "the refusal")
@@ -255,13 +201,6 @@ def test_sonars_sharing_a_topic_are_all_heard(ros, bridges, rosmaster, tmp_path)
     hand.close()
 
 
-def test_another_publisher_on_the_drive_topic_is_shown(ros, hand):
-    with ros.speak("/key_vel", Twist):
-        state = hand.state_until(lambda state: state.foreign, "the foreign publisher")
-    assert len(state.foreign) == 1
-    assert state.foreign[0].startswith("/test")
-
-
 def test_a_listener_that_does_not_read_is_cut_off(ros, hand):
     with ros.listen("/key_vel", Twist) as twists, ros.listen(ODOMETRY, Odometry) as odometry:
         longest_s = [longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry) for _ in range(3)]
@@ -311,14 +250,6 @@ def serves_deaf(node: str) -> bool:
     """True if the bridge's node lists a connection to the deaf subscriber."""
     _, _, connections = ServerProxy(node).getBusInfo("/test")
     return any("/deaf" in connection for connection in connections)
-
-
-def test_rubbish_on_the_link_is_answered_and_the_link_stays(hand):
-    hand._socket.send("{not json")
-    refused = hand.until(lambda report: isinstance(report, wire.Refused), "an answer")
-    assert refused.refusal.code == "not_json"
-    hand.stick(0.0, 0.1)
-    hand.state_until(lambda state: state.verdict.asked[2] > 0, "driving goes on")
 
 
 class TestMasterGone:

@@ -32,21 +32,6 @@ def config(domain: int, tmp_path: Path) -> WatchdogConfig:
     )
 
 
-def test_a_stop_zeroes_the_base_and_cancels_all_goals(domain: int, config: WatchdogConfig) -> None:
-    robot = Side("tests.ros2.robot_side", domain)
-    watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())
-    try:
-        until(Path(config.lane).exists, "the watchdog listens")
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
-            lane.connect(config.lane)
-            lane.send(wire.encode(wire.LinkStop("ann", press=uuid.uuid4())))
-            assert robot.await_line("twist") == ["twist", "0.0", "0.0"]
-            assert robot.await_line("cancel") == ["cancel", "all"]
-    finally:
-        watchdog.close()
-        robot.close()
-
-
 def test_a_stop_is_confirmed_when_the_robot_gets_it_not_the_tap(domain: int, config: WatchdogConfig) -> None:
     tap = Side("tests.ros2.visitor", domain, str(domain), "fleet_tap_1")
     watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())

@@ -95,6 +95,8 @@ class WatchdogNode:
                 participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
                 for action in self._config.actions
             ]
+            self._attend(participant)
+            log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
                 self._attend(participant)
                 self._news.wait(LOOK_S)

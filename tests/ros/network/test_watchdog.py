@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -17,8 +14,6 @@ from xmlrpc.server import SimpleXMLRPCServer
 import msgspec
 import pytest
 import rosgraph
-import rospy
-from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 
 from robots.shared import wire
@@ -147,110 +142,6 @@ def uri_of(master: Master, node: str) -> str:
     return rosgraph.Master("/test", master.uri).lookupNode(node)
 
 
-def test_a_stop_is_latched_and_cleared_in_watchdog_and_bridge(
-    hand: Hand, watchdog: WatchdogProcess, zeros: Zeros
-) -> None:
-    answer = watchdog.press("Ann", "smoke")
-    assert answer == wire.Stopped(wire.StopState("stopping", "Ann", "smoke"), 7)
-    stop = hand.state_until(lambda state: state.stop.state == "stopped", "the latch").stop
-    assert (stop.by, stop.reason) == ("Ann", "smoke")
-    zeros.of_the_watchdog()
-    hand.send(wire.LinkClear("Ann", stop.number, 8))
-    hand.state_until(lambda state: state.stop.state == "clear", "the clear")
-    zeros.end()
-    turn(hand)
-
-
-def test_one_press_by_both_ways_is_one_stop(hand: Hand, watchdog: WatchdogProcess) -> None:
-    press = uuid.uuid4()
-    hand.send(wire.LinkStop("Ann", "smoke", 5, press=press))
-    first = hand.until(lambda report: isinstance(report, wire.Stopped), "the stop").stop
-    watchdog.press("Ann", "smoke", press=press)
-    watchdog.press("Ben", "")
-    stop = hand.state_until(lambda state: state.stop.by == "Ben", "the second stop").stop
-    assert stop.number == first.number + 1
-
-
-def test_a_stop_is_not_refused_for_its_form(watchdog: WatchdogProcess, zeros: Zeros) -> None:
-    answer = watchdog.say(b'{"t": "link_stop", "by": 7}')
-    assert isinstance(answer, wire.Stopped) and answer.stop.by == "somebody"
-    zeros.of_the_watchdog()
-
-
-def test_another_robots_stop_is_refused(watchdog: WatchdogProcess, config: BridgeConfig) -> None:
-    refused = watchdog.press(robot=uuid.uuid4())
-    assert isinstance(refused, wire.Refused) and refused.refusal.code == "other_robot"
-    assert isinstance(watchdog.press(robot=uuid.UUID(config.robot_id)), wire.Stopped)
-
-
-def test_a_stop_survives_its_killed_bridge(hand: Hand, bridge: BridgeProcess, start, zeros: Zeros) -> None:
-    hand.send(wire.LinkStop("Ann", "smoke", 5))
-    hand.until(lambda report: isinstance(report, wire.Stopped), "the stop")
-    bridge.kill()
-    zeros.of_the_watchdog(20)
-    again = start(BridgeProcess).link()
-    stop = again.state_until(lambda state: state.stop.state == "stopped", "the latch").stop
-    assert stop.by == "Ann"
-    again.send(wire.LinkClear("Ann", stop.number, 8))
-    again.state_until(lambda state: state.stop.state == "clear", "the clear")
-    zeros.end()
-    again.close()
-
-
-def test_a_stop_without_bridge_reaches_robot_and_next_bridge(
-    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros, ros: RosClient
-) -> None:
-    bridge.kill()
-    with ros.listen("/play_motion/cancel", GoalID) as cancels:
-        ros.connected(cancels)
-        assert isinstance(watchdog.press("Ann", "smoke"), wire.Stopped)
-        zeros.of_the_watchdog()
-        assert cancels.next().id == ""
-        assert cancels.next().id == ""
-    again = start(BridgeProcess).link()
-    stop = again.state_until(lambda state: state.stop.state != "clear", "the latch").stop
-    assert (stop.by, stop.reason) == ("Ann", "smoke")
-    again.close()
-
-
-def test_a_stop_known_to_the_watchdog_survives_it(
-    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros
-) -> None:
-    bridge.kill()
-    watchdog.press("Ann", "smoke")
-    zeros.of_the_watchdog()
-    watchdog.kill()
-    start(WatchdogProcess)
-    zeros.of_the_watchdog()
-    again = start(BridgeProcess).link()
-    assert again.state_until(lambda state: state.stop.state != "clear", "the latch").stop.by == "Ann"
-    again.close()
-
-
-def test_a_frozen_bridges_stop_is_confirmed_with_zeros(
-    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros
-) -> None:
-    bridge.process.send_signal(signal.SIGSTOP)
-    try:
-        assert isinstance(watchdog.press("Ann", "smoke"), wire.Stopped)
-        zeros.of_the_watchdog(20)
-    finally:
-        bridge.process.send_signal(signal.SIGCONT)
-    hand.state_until(lambda state: state.stop.by == "Ann", "the latch")
-
-
-def test_a_robot_whose_bridge_freezes_in_mid_drive_gets_zeros(
-    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros
-) -> None:
-    turn(hand)
-    bridge.process.send_signal(signal.SIGSTOP)
-    try:
-        zeros.of_the_watchdog(3)
-        zeros.end()
-    finally:
-        bridge.process.send_signal(signal.SIGCONT)
-
-
 def test_a_thief_of_the_bridges_name_ends_it_but_no_stop(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, rosmaster: Master, zeros: Zeros, start
 ) -> None:
@@ -319,26 +210,6 @@ def _registered(master: Master, node: str) -> str | None:
         return uri_of(master, node)
     except (OSError, rosgraph.MasterException):
         return None
-
-
-def test_the_consoles_own_watchdog_is_no_foreign_publisher(
-    hand: Hand, watchdog: WatchdogProcess, ros: RosClient, config: BridgeConfig
-) -> None:
-    with ros.speak(DRIVE, Twist):
-        spoken = rospy.get_name()
-        state = hand.state_until(lambda state: spoken in state.foreign, "a foreign publisher")
-    assert watchdog_name(config.robot_id) not in state.foreign
-
-
-def test_only_the_owner_opens_the_socket(watchdog: WatchdogProcess, config: BridgeConfig) -> None:
-    path = config.link.unix_path
-    assert path is not None
-    assert os.stat(path.replace(".sock", ".stop")).st_mode & 0o777 == 0o600
-
-
-def test_it_ends_with_its_life_line(watchdog: WatchdogProcess) -> None:
-    watchdog.process.stdin.close()
-    assert watchdog.process.wait(PATIENCE_S) == 0
 
 
 def test_a_second_watchdog_of_a_robot_fights_for_no_name(

@@ -1,0 +1,1 @@
+"""A visitor of a robot: a plain program of each ROS that tests drive. `tests.sides.visitor` speaks with it."""
