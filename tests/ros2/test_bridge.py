@@ -23,7 +23,6 @@ from tests.processes import until
 from tests.ros.bridge_support import Hand, drivable, tiago_config
 from tests.ros.navigation.conftest import FAR, Traveller
 from tests.ros2.side import Side, needs_rclpy
-from tests.ros2.test_simulator import Visitor
 
 DEPTH = DepthSource(
     "/xtion/depth_registered/image_raw",
@@ -138,21 +137,3 @@ def test_it_goes_to_a_place_until_a_stop(hand: Hand) -> None:
     traveller.until(lambda state: state.going and state.odometry.x > begin.x + 0.3, "a drive by navigation")
     hand.send(wire.LinkStop("ann", "enough"))
     hand.state_until(lambda state: state.going_ended and state.odometry.vx == 0.0, "the end of the drive")
-
-
-def test_the_watchdog_stops_a_robot_whose_bridge_is_killed(domain: int, hand: Hand, bridge: Side) -> None:
-    hand.state_until(drivable, "a robot that can be driven")
-    hand.take_control(1)
-    visitor = Visitor("tests.ros2.visitor", domain)
-    try:
-        visitor.ask(listen="/key_vel", kind="geometry_msgs/Twist")
-        # bridge and watchdog: on a busy computer, one is found seconds later
-        visitor.ask(publishers="/key_vel", count=2)
-        visitor.hear("publishers")
-        hand.drive_until(0.5, lambda state: state.odometry.vx > 0.1, "motion")
-        bridge.close(kill=True)
-        visitor.ask(publishers="/key_vel", count=1)
-        visitor.hear("publishers")  # behind what the bridge has sent
-        visitor.hear("/key_vel", lambda twist: twist["linear"]["x"] == 0.0)
-    finally:
-        visitor.close()
