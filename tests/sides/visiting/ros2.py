@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 import robots.bridge.ros2  # noqa: F401  (first: makes rclpy importable)
 from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.network.graph import UNNAMED
 from tests.processes import PATIENCE_S
 from tests.sides.visiting.program import LONG, Visitor, run, waits
 
@@ -78,7 +79,8 @@ class RclpyVisitor(Visitor):
         gid = bytes(info["publisher_gid"]["data"])
         if gid not in self._names:
             for one in self.node.get_publishers_info_by_topic(topic):
-                self._names[bytes(one.endpoint_gid)] = node_of(one)
+                if one.node_name != UNNAMED:  # the name of a new node comes a little later
+                    self._names[bytes(one.endpoint_gid)] = node_of(one)
         return self._names.get(gid, "")
 
     def publishers(self, id: int, of: int) -> int:
