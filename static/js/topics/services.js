@@ -51,7 +51,7 @@ export class ServiceCall {
       });
       this.element
         .querySelector("h3")
-        .append(" ", make("span", { className: "quiet", text: type.replace(/Request$/, "") }));
+        .append(" ", make("span", { className: "quiet", text: type.replace(/_?Request$/, "") }));
       this.#form = new MessageForm(this.#fields, fields);
     } catch (error) {
       this.#showAnswer(error.message, true);

@@ -71,11 +71,14 @@ describe("a service", () => {
     return view;
   }
 
-  it("is called with its form, and shows its answer", async () => {
-    const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
+  it.each([
+    ["std_srvs/SetBoolRequest", "std_srvs/SetBool"],
+    ["std_srvs/srv/SetBool_Request", "std_srvs/srv/SetBool"], // ROS 2
+  ])("is called with its form, and shows its answer: %s", async (type, name) => {
+    const ask = vi.fn().mockResolvedValueOnce({ ...DESCRIBED, type });
     ask.mockResolvedValueOnce({ fields: { success: true } });
     const view = await opened(ask);
-    expect(view.querySelector("h3").textContent).toBe("/lamp std_srvs/SetBool"); // the type comes from the allow-list
+    expect(view.querySelector("h3").textContent).toBe(`/lamp ${name}`); // the type comes from the allow-list
     view.querySelector("input").checked = true;
     await pressed(view, "Call");
     expect(ask.mock.lastCall[0]).toMatchObject({

@@ -207,8 +207,8 @@ def test_the_first_robot_may_have_ros_2(admin: Client, tiago_2: RobotProfile) ->
     assert bridge_config(Robot.objects.get()).ros == Ros2(3, "localhost")
 
 
-@pytest.mark.parametrize("address", ["/", "/robots/second/", "/?wall"])
+@pytest.mark.parametrize("address", ["/", "/robots/second/", "/?wall", "/plan/", "/robots/second/report/"])
 def test_a_page_says_ros_2_once_beside_the_robots_name(admin: Client, second: Robot, address: str) -> None:
     page = admin.get(address).content.decode()
     assert page.count("ROS 2") == 1
-    assert re.search(r'Second</h[12]>\s*<span class="badge">ROS 2</span>', page)
+    assert re.search(r'Second(</a>|</h[12]>)?\s*<span class="badge">ROS 2</span>', page)
