@@ -197,11 +197,14 @@ def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):
 
 
 def test_each_kind_of_robot_has_its_next_free_hour(as_person, robot, other_robot, staff):
-    assert "Next free hour:" not in as_person(staff).get(reverse("bookings")).content.decode()
-    other_robot.profile = RobotProfile.objects.get(slug="pmb2")
+    for slug in ("tiago", "tiago-ros2"):  # one kind: who books does not ask for a robot's ROS
+        other_robot.profile = RobotProfile.objects.get(slug=slug)
+        other_robot.save()
+        assert "Next free hour:" not in as_person(staff).get(reverse("bookings")).content.decode()
+    other_robot.profile = RobotProfile.objects.get(slug="pmb2-ros2")
     other_robot.save()
     page = as_person(staff).get(reverse("bookings")).content.decode()
-    address = reverse("bookings-next-free") + "?kind=pmb2"
+    address = reverse("bookings-next-free") + "?kind=PAL%20PMB-2"
     assert f'href="{address}"' in page
     assert f"robot={other_robot.slug}&" in as_person(staff).get(address).url
 

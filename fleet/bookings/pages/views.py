@@ -104,10 +104,10 @@ def bookings(request: HttpRequest) -> HttpResponse:
     return render(request, "bookings/calendar.html", context)
 
 
-def _kinds(robots: list[Robot]) -> list[tuple[str, str]]:
-    """Return the kinds of robots to choose from: slug and name. Return nothing if there is only one kind."""
-    kinds = sorted({(robot.profile.name, robot.profile.slug) for robot in robots if robot.enabled})
-    return [(slug, name) for name, slug in kinds] if len(kinds) > 1 else []
+def _kinds(robots: list[Robot]) -> list[str]:
+    """Return the kinds of robots to choose from, whatever their ROS. Return nothing if there is only one kind."""
+    kinds = sorted({robot.profile.kind for robot in robots if robot.enabled})
+    return kinds if len(kinds) > 1 else []
 
 
 @never_cache
@@ -177,7 +177,7 @@ def next_free(request: HttpRequest) -> HttpResponse:
     minutes = _whole(request.GET.get("minutes"), 60)
     robots = [robot for robot in robots_bookable_by(person) if robot.enabled]
     if kind := request.GET.get("kind"):
-        robots = [robot for robot in robots if robot.profile.slug == kind]
+        robots = [robot for robot in robots if kind in (robot.profile.kind, robot.profile.slug)]
     now = timezone.now()
     found = free_on_any(robots, person, minutes, after=now, now=now, most=1)
     if not found:
