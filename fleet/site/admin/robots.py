@@ -184,7 +184,7 @@ class RobotAdmin(RecordedAdmin):
         "profile",
         "enabled",
         "practice",
-        "master_uri",
+        "reached",
         "bridge_state",
         "check_link",
     ]
@@ -269,6 +269,13 @@ class RobotAdmin(RecordedAdmin):
                 self.message_user(request, text % robot.name, messages.ERROR)
             else:
                 self.message_user(request, gettext("%s is deleted.") % robot.name)
+
+    @admin.display(description=_("reached at"))
+    def reached(self, robot: Robot) -> str:
+        """Return its master, or its domain and namespace."""
+        if robot.profile.ros == RosChoice.ONE:
+            return robot.master_uri
+        return f"{gettext('domain')} {robot.domain_id} {robot.namespace}".strip()
 
     @admin.display(description=_("bridge"))
     def bridge_state(self, robot: Robot) -> str:
