@@ -13,9 +13,12 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
+from robots.shared.processes.memory import limit_memory
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.sentences import joined, say
+
+MOST_BYTES = 1024 * 1024 * 1024  # of memory
 
 
 class Without(Struct, frozen=True):
@@ -43,5 +46,6 @@ def run(read_map: Callable[[MapWanted], TakenMap | NoMap]) -> None:
     """Answer one request from stdin on stdout."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the bridge handles it and ends this process
     exit_within(END_S)
+    limit_memory(MOST_BYTES)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
     sys.stdout.buffer.write(msgspec.msgpack.encode(read_map(wanted)))

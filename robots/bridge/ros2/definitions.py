@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from pathlib import Path
 
 from rosidl_adapter.parser import (
     InvalidSpecification,
@@ -16,6 +13,7 @@ from rosidl_adapter.parser import (
     parse_message_string,
 )
 
+from robots.bridge.ros2.versions import hash_of, package_file
 from robots.shared.messages.definition import Definition
 from robots.shared.messages.fields import STAMPS
 from robots.shared.messages.serialization import CDR
@@ -113,12 +111,12 @@ def _named(type_name: str) -> tuple[str, str, str]:
 
 def _text(package: str, name: str, part: str) -> str | None:
     if not part:
-        return _file(package, "msg", f"{name}.msg")
+        return package_file(package, "msg", f"{name}.msg")
     if part in WRAPPED:
-        within = _file(package, "action", f"{name}.action") is not None
+        within = package_file(package, "action", f"{name}.action") is not None
         return WRAPPED[part].format(name=f"{package}/{name}") if within else None
     for kind, parts in PARTS.items():
-        whole = _file(package, kind, f"{name}.{kind}") if part in parts else None
+        whole = package_file(package, kind, f"{name}.{kind}") if part in parts else None
         if whole is not None:
             return _DASHES.split(whole)[parts.index(part)].lstrip("\n")
     return None
@@ -127,18 +125,5 @@ def _text(package: str, name: str, part: str) -> str | None:
 def type_hash(type_name: str) -> str:
     """Return the hash of an installed type, by which publishers name its version; empty if there is none."""
     package, name, part = _named(type_name)
-    for kind in ("msg", *PARTS):
-        text = _file(package, kind, f"{name}.json")
-        for one in json.loads(text)["type_hashes"] if text else []:
-            if one["type_name"] == f"{package}/{kind}/{name}" + (f"_{part}" if part else ""):
-                return str(one["hash_string"])
-    return ""
-
-
-def _file(package: str, kind: str, name: str) -> str | None:
-    """Return the text of a file of an installed package."""
-    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        file = Path(prefix) / "share" / package / kind / name
-        if file.is_file():
-            return file.read_text(encoding="utf-8")
-    return None
+    found = (hash_of(f"{package}/{kind}/{name}", part) for kind in ("msg", *PARTS))
+    return next(filter(None, found), "")

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
 
+from robots.bridge.ros2.qos import ONE_ANSWER
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.geometry.poses import Velocity
 
@@ -33,6 +36,23 @@ def twist_of(velocity: Velocity, kind: type[Any]) -> Twist | TwistStamped:
     stamp = stamped.header.stamp
     stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
     return stamped
+
+
+class _NotRead(ReentrantCallbackGroup):  # type: ignore[misc]
+    """Lets no executor read."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return False."""
+        return False
+
+
+_NOT_READ = _NotRead()
+
+
+def cancel_client(node: Node, action: str) -> Any:
+    """Return a client that cancels goals of an action. Its answers, which may have any size, are never read."""
+    service = f"{action}/_action/cancel_goal"
+    return node.create_client(CancelGoal, service, qos_profile=ONE_ANSWER, callback_group=_NOT_READ)
 
 
 def cancel_goals(clients: Iterable[Any], goal: bytes = bytes(16)) -> None:

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from action_msgs.srv import CancelGoal
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
 
@@ -28,7 +27,8 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import cancel_client, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.interfaces import Joined
@@ -89,6 +89,7 @@ class RosBase:
         self.participant: Participant
         self._joined: Joined
         self.graph: Graph
+        self.followed: FollowedTopics
         self._presence: Presence
         self._listeners: Listeners
         self._sensors: SensorTopics
@@ -214,7 +215,8 @@ class RosBase:
         self._listeners = Listeners(Graph(participant.node), config.topics.drive)
         self.parameters = NodeParameters(participant)
         self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", socket.gethostname())
-        self._description = DescriptionTopic(participant, self.graph, f"{namespace}/robot_description")
+        self.followed = FollowedTopics(participant, self.graph)
+        self._description = DescriptionTopic(self.followed, f"{namespace}/robot_description")
         self._descriptions = Descriptions(
             config.topics, self._description.read, self.posture, reception, f"{namespace}/tf"
         )
@@ -227,7 +229,7 @@ class RosBase:
             self._tf = TfTopics(participant, namespace, depth.base_frame)
             pictures = DepthReception(depth, view, self._tf.frames, reception, DepthMessages())
             self._on_demand = OnDemandTopics(
-                self._topic_worker, self._tf, DepthTopics(participant, self.graph, depth, pictures)
+                self._topic_worker, self._tf, DepthTopics(participant, self.followed, depth, pictures)
             )
         elif config.topics.map or config.topics.navigation:
             self._tf = TfTopics(participant, namespace)
@@ -252,10 +254,7 @@ class RosBase:
     def hold(self) -> None:
         """Connect to the drive topic: the robot is this bridge's."""
         topics = self.config.topics
-        self._cancels = [
-            self.participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
-            for action in topics.cancelled
-        ]
+        self._cancels = [cancel_client(self.participant.node, action) for action in topics.cancelled]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
         self.parts.connect(self)
 
@@ -268,6 +267,7 @@ class RosBase:
             return
         if not self.holds:
             return
+        self.followed.follow()
         system = self._system()
         self._surveys.surveyed(system, drive, self._problems(drive))
         self._reception.follow_clock(bool(system.publishers.get(CLOCK)))

@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from robots.bridge.robot.board import BOARD
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.sizes import most_bytes
+from robots.bridge.ros2.versions import Versions
 from robots.shared.processes.memory import end_without_memory
 from robots.shared.sentences import say
 from robots.shared.texts import size_text
@@ -91,28 +92,33 @@ class Participant:
         self._thread.start()
 
     def listen(
-        self, topic: str, kind: str | type[Any], take: Take, qos: QoSProfile, largest: int | None = None
+        self,
+        topic: str,
+        kind: str | type[Any],
+        take: Take,
+        qos: QoSProfile,
+        largest: int | None = None,
+        *,
+        any_version: bool = False,
     ) -> Subscription:
         """Give `take` the bytes of each message, with what is known about it. Raises TypeUnknown.
 
         Larger messages than the console reads are dropped: DDS cuts nobody off, but decoding is what costs.
-        `largest`: bytes of the largest one, if it does not follow from the type.
+        `largest`: bytes of the largest one, if it does not follow from the type. Those of a publisher whose type has
+        other fields than the one here are dropped, too, unless `any_version`: their values would be wrong.
         """
-        most = most_bytes(kind if isinstance(kind, str) else "") if largest is None else largest
+        name = kind if isinstance(kind, str) else ""
+        most = most_bytes(name) if largest is None else largest
+        versions = Versions(self.node, topic, name) if name and not any_version else None
 
         def receive(raw: bytes, info: Any) -> None:
-            if len(raw) <= most:
+            if len(raw) > most:
+                complain_of_size(topic, len(raw), most)
+            elif versions and (node := versions.other(info)):
+                key = "{topic}: {type} has other fields at {node} than here: its messages are not read."
+                BOARD.complain(topic, say(key, topic=topic, type=name, node=node))
+            else:
                 take(raw, info)
-                return
-            BOARD.complain(
-                topic,
-                say(
-                    "{topic}: a node sends messages of {size}, at most {most} is taken.",
-                    topic=topic,
-                    size=size_text(len(raw)),
-                    most=size_text(most),
-                ),
-            )
 
         found = message_class(kind) if isinstance(kind, str) else kind
         subscription = self.node.create_subscription(
@@ -184,6 +190,12 @@ class Subscription:
     def unregister(self) -> None:
         """End it."""
         self._node.destroy_subscription(self._subscription)
+
+
+def complain_of_size(topic: str, size: int, most: int) -> None:
+    """Tell the page that a message was too large to be read."""
+    key = "{topic}: a node sends messages of {size}, at most {most} is taken."
+    BOARD.complain(topic, say(key, topic=topic, size=size_text(size), most=size_text(most)))
 
 
 def guarded(callback: Callable[..., None]) -> Callable[..., None]:

@@ -38,7 +38,18 @@ def pictures(offered: Iterable[QoSProfile]) -> QoSProfile:
 
 
 def kept(offered: Iterable[QoSProfile]) -> QoSProfile:
-    """Return the profile with which messages that stay are read, as far as all publishers offer it."""
+    """Return the profile with which the message that stays is read: from the publishers that keep theirs, if any does.
+
+    A stranger that keeps none must not hide it.
+    """
+    profiles = list(offered)
+    return as_offered(
+        [one for one in profiles if one.durability == DurabilityPolicy.TRANSIENT_LOCAL] or profiles
+    )
+
+
+def as_offered(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """Return the profile that asks for as much as all publishers offer, so that each is heard."""
     profiles = list(offered)
     keep = bool(profiles) and all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in profiles)
     sure = bool(profiles) and all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles)
@@ -72,3 +83,5 @@ EVENTS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
+# Of services whose answers nobody reads: one of them waits in DDS.
+ONE_ANSWER = DRIVE

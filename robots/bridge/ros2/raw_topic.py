@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -17,9 +18,10 @@ from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown
 from robots.bridge.ros2.network.graph import node_name
 from robots.bridge.ros2.network.survey import find_robot
-from robots.bridge.ros2.participant import Participant, Subscription
-from robots.bridge.ros2.qos import kept
+from robots.bridge.ros2.participant import Participant, Subscription, complain_of_size
+from robots.bridge.ros2.qos import as_offered
 from robots.bridge.ros2.sizes import MB
+from robots.bridge.ros2.versions import HASHED
 from robots.bridge.tap.arrivals import Kind
 from robots.bridge.tap.raw_topic import MOST_PUBLISHERS, Speaker, Take
 from robots.shared.configuration.bridge_config import BridgeConfig
@@ -30,12 +32,12 @@ from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal
 
 MOST_BYTES = 32 * MB  # of a message
+MOST_WAITING = 16 * MB  # of a topic's messages that wait in DDS, which counts messages and not bytes
 MOST_STAYING = 64  # messages of publishers that keep theirs: each has its own
 LOOK_S = 0.3  # between two looks for publishers of a topic that has none
 AGAIN_S = 2.0  # the same once it has
 OFTEN_S = 0.001  # between two messages of a topic: more often is a flood
 LEAVE_S = 0.5
-HASHED = "RIHS"  # begins each type hash; without one, a publisher's ROS is older than Iron
 
 
 class RawTopics:
@@ -48,6 +50,7 @@ class RawTopics:
         )
         self._lock = threading.Lock()
         self._topics: list[RawTopic] = []
+        self._news = threading.Event()
         self._participant.start()
         self.found = find_robot(self._participant, config.topics)  # whether the robot is there
         start_vital(self._follow_publishers, "publishers")
@@ -59,7 +62,7 @@ class RawTopics:
 
     def listen(self, topic: str, take: Take, queue: int) -> RawTopic:
         """Subscribe. `take` gets each message; of what it does not take in time, the newest `queue` are kept."""
-        found = RawTopic(self._participant, topic, take, queue, self._forget)
+        found = RawTopic(self._participant, topic, take, queue, self._news.set, self._forget)
         with self._lock:
             self._topics.append(found)
         found.follow()
@@ -80,24 +83,32 @@ class RawTopics:
                 topics = list(self._topics)
             for topic in topics:
                 topic.follow_if_due(time.monotonic())
-            time.sleep(LOOK_S)
+            self._news.wait(LOOK_S)
+            self._news.clear()
 
 
 class RawTopic:
     """One topic. DDS connects equal types only, so the subscription follows the type of the first publisher."""
 
     def __init__(
-        self, participant: Participant, topic: str, take: Take, queue: int, closed: Callable[[RawTopic], None]
+        self,
+        participant: Participant,
+        topic: str,
+        take: Take,
+        queue: int,
+        look: Callable[[], None],
+        closed: Callable[[RawTopic], None],
     ) -> None:
         self._participant = participant
         self._topic = topic
         self._take = take
         self._queue = queue
-        self._closed = closed
+        self._look, self._closed = look, closed
         self._lock = threading.RLock()
         self._is_open = True
         self._due_s = 0.0
         self._came_s = float("-inf")
+        self._largest = 1  # bytes of a message
         self._asked: tuple[str, QoSProfile] | None = None  # type and profile of the subscription
         self._subscription: Subscription | None = None
         self._speakers: dict[bytes, Speaker] = {}
@@ -117,8 +128,8 @@ class RawTopic:
     def follow_if_due(self, now_s: float) -> None:
         """Look at the publishers, if the last look was long ago."""
         if now_s >= self._due_s:
-            self.follow()
             self._due_s = now_s + (AGAIN_S if self._speakers else LOOK_S)
+            self.follow()
 
     def follow(self) -> None:
         """Look at the publishers; subscribe with the type of the first, and as much as all of them offer."""
@@ -139,17 +150,27 @@ class RawTopic:
         return before if before == speaker else speaker
 
     def _subscribe(self, type_name: str, publishers: list[TopicEndpointInfo]) -> None:
-        qos = kept(one.qos_profile for one in publishers if one.topic_type == type_name)
+        qos = as_offered(one.qos_profile for one in publishers if one.topic_type == type_name)
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        qos.depth = max(self._queue, MOST_STAYING) if stays else self._queue
+        qos.depth = self._depth(max(self._queue, MOST_STAYING) if stays else self._queue)
         if (type_name, qos) == self._asked:
             return
         self._unsubscribe()
         self._asked = type_name, qos
         with suppress(TypeUnknown):  # its speakers say it
             self._subscription = self._participant.listen(
-                self._topic, type_name, partial(self._receive, type_name), qos, MOST_BYTES
+                self._topic,
+                type_name,
+                partial(self._receive, type_name),
+                qos,
+                largest=sys.maxsize,
+                any_version=True,
             )
+
+    def _depth(self, most: int) -> int:
+        """Return how many messages may wait: a power of two below `most`, so that it seldom changes."""
+        fitting = MOST_WAITING // self._largest
+        return most if fitting >= most else 1 << max(fitting.bit_length() - 1, 0)
 
     def _unsubscribe(self) -> None:
         if self._subscription is not None:
@@ -158,6 +179,12 @@ class RawTopic:
 
     def _receive(self, type_name: str, data: bytes, info: Any) -> None:
         now_s, before_s = time.monotonic(), self._came_s
+        if len(data) > self._largest:  # then fewer may wait
+            self._largest, self._due_s = len(data), 0.0
+            self._look()
+        if len(data) > MOST_BYTES:
+            complain_of_size(self._topic, len(data), MOST_BYTES)
+            return
         self._take(self._speaker_of(info.get("publisher_gid"), type_name), data)
         if (
             now_s - before_s < OFTEN_S

@@ -8,10 +8,9 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from action_msgs.srv import CancelGoal
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import cancel_client, cancel_goals, twist_class, twist_of
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners
@@ -91,10 +90,7 @@ class WatchdogNode:
             self._participant = participant = Participant(self._config.node.strip("/"), ros.domain_id)
             self._listeners = Listeners(Graph(participant.node), drive)
             listeners = Listeners(Graph(participant.node), drive)  # of this thread
-            self._cancels = [
-                participant.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
-                for action in self._config.actions
-            ]
+            self._cancels = [cancel_client(participant.node, action) for action in self._config.actions]
             self._attend(participant)
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from robots.bridge.camera.camera_side import Taken, Unreadable
+from robots.bridge.ros2.followed import FollowedTopic, FollowedTopics
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.participant import Subscription as Topic
@@ -62,53 +62,19 @@ class Info:
 
 
 class Subscription:
-    """The topics of one camera. It is subscribed again when its publishers offer more, or less, than before."""
+    """The topics of one camera."""
 
-    def __init__(
-        self,
-        participant: Participant,
-        source: CameraSource,
-        picture: Callable[[Message], None],
-        closed: Callable[[Subscription], None],
-        *others: Topic,
-    ) -> None:
-        self._participant, self._graph = participant, Graph(participant.node)
-        self._source, self._picture = source, picture
-        self._closed, self._others = closed, others
-        self._lock = threading.Lock()
-        self._asked = sensor(1)
-        self._topic: Topic | None = None
-        self._is_open = True
-        self.publishers = 0
-        self.follow()
+    def __init__(self, pictures: FollowedTopic, *others: Topic) -> None:
+        self._pictures, self._others = pictures, others
 
-    def follow(self) -> None:
-        """Ask for what the publishers offer now."""
-        offered = [
-            one.qos_profile
-            for one in self._graph.publishers(self._source.topic)
-            if one.topic_type == self._source.type
-        ]
-        wanted = pictures(offered)
-        with self._lock:
-            self.publishers = len(offered)
-            if not self._is_open or (self._topic and wanted.reliability == self._asked.reliability):
-                return
-            before, self._asked = self._topic, wanted
-            self._topic = self._participant.listen(self._source.topic, self._source.type, self._take, wanted)
-        if before:
-            before.unregister()
-
-    def _take(self, raw: bytes, _info: Any) -> None:
-        self._picture(Message(self._source.type, raw))
+    @property
+    def publishers(self) -> int:
+        """Return the number of publishers of pictures at the last look."""
+        return self._pictures.publishers
 
     def close(self) -> None:
-        with self._lock:
-            self._is_open = False
-        for topic in (self._topic, *self._others):
-            if topic:
-                topic.unregister()
-        self._closed(self)
+        for topic in (self._pictures, *self._others):
+            topic.unregister()
 
 
 class CameraTopics:
@@ -119,7 +85,7 @@ class CameraTopics:
         tf = TfTopics(participant, namespace, base)
         self.frames = tf.frames
         self._tf_topics = tf.listen()
-        self._watched: tuple[Subscription, ...] = ()
+        self._followed = FollowedTopics(participant, Graph(participant.node))
         start_vital(self._follow, "publishers")
 
     def listen(
@@ -130,9 +96,11 @@ class CameraTopics:
         knows_info: Callable[[], bool],
     ) -> Subscription:
         infos = [self._listen_info(source.info, info, knows_info)] if source.info else []
-        found = Subscription(self._participant, source, picture, self._forget, *infos)
-        self._watched = (*self._watched, found)
-        return found
+
+        def take(raw: bytes, _info: Any) -> None:
+            picture(Message(source.type, raw))
+
+        return Subscription(self._followed.listen(source.topic, source.type, take, pictures), *infos)
 
     def _listen_info(
         self, topic: str, info: Callable[[bytes], None], knows_info: Callable[[], bool]
@@ -148,15 +116,11 @@ class CameraTopics:
 
         return self._participant.listen(topic, INFO, take, sensor(1))
 
-    def _forget(self, closed: Subscription) -> None:
-        self._watched = tuple(one for one in self._watched if one is not closed)
-
     def _follow(self) -> None:
         """Follow what publishers offer, without end."""
         while True:
             time.sleep(LOOK_S)
-            for subscription in self._watched:
-                subscription.follow()
+            self._followed.follow()
 
     def type_of(self, message: Message) -> str:
         return message.type

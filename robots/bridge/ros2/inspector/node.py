@@ -16,12 +16,13 @@ from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name
 from robots.bridge.ros2.participant import NO_EVENTS, Participant, guarded
-from robots.bridge.ros2.qos import kept
+from robots.bridge.ros2.qos import as_offered
+from robots.bridge.ros2.versions import Versions
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.side import Received, Talker
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.definition import Definition
-from robots.shared.sentences import reason_of
+from robots.shared.sentences import reason_of, say
 from robots.shared.wire import Refusal
 
 QUEUE = 20  # messages that wait for the executor: they are counted
@@ -35,6 +36,12 @@ def known(type_name: str) -> Definition:
         return definition(type_name)
     except UnknownTypeError as error:
         raise declined.unknown_type(type_name, str(error)) from error
+
+
+def _other(type_name: str) -> Definition:
+    """Refuse to read a message whose publisher has another version of its type."""
+    text = say("{type} has other fields on the robot than in the package installed here.", type=type_name)
+    raise declined.unknown_type(type_name, text)
 
 
 class Node:
@@ -88,7 +95,7 @@ class Source:
 
     def _follow(self, publishers: list[TopicEndpointInfo]) -> None:
         type_name = publishers[0].topic_type
-        qos = kept(one.qos_profile for one in publishers)
+        qos = as_offered(one.qos_profile for one in publishers)
         qos.depth = QUEUE
         if (type_name, qos) == self._asked:
             return
@@ -100,13 +107,15 @@ class Source:
         except TypeUnknown as error:
             self._refusal = Refusal("type_unknown", reason_of(error), "robot", {"type": type_name})
             return
-        receive = guarded(partial(self._receive, type_name))
+        versions = Versions(self._node, self._topic, type_name)
+        receive = guarded(lambda data, info: self._receive(type_name, versions, data, info))
         self._subscription = self._node.create_subscription(
             kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
         )
 
-    def _receive(self, type_name: str, data: bytes) -> None:
-        self._take(Received(type_name, data, partial(known, type_name)))
+    def _receive(self, type_name: str, versions: Versions, data: bytes, info: Any) -> None:
+        fields = _other if versions.other(info) else known
+        self._take(Received(type_name, data, partial(fields, type_name)))
 
 
 class Writer:

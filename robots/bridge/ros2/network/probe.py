@@ -39,7 +39,7 @@ from robots.bridge.ros2.network.searching import (
     why_not_found,
 )
 from robots.bridge.ros2.participant import Participant
-from robots.bridge.ros2.qos import DRIVE, STATIC, kept
+from robots.bridge.ros2.qos import DRIVE, STATIC, as_offered
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2, ros2
@@ -171,7 +171,9 @@ class _Heard:
         self._type = listened.type if self._fitting else next(iter(found_types), None)
         self.done = kind is None or not self._fitting
         if not self.done:
-            offered = STATIC if listened.kept == "must" else kept(one.qos_profile for one in self._publishers)
+            offered = (
+                STATIC if listened.kept == "must" else as_offered(one.qos_profile for one in self._publishers)
+            )
             participant.listen(listened.topic, kind, self._take, offered, LARGEST)
 
     def _take(self, raw: bytes, _info: Any) -> None:

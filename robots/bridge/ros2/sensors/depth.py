@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from robots.bridge.gate.sensing.depth import Cloud, DepthImage, Lens
 from robots.bridge.robot.sensors.depth import DepthReception, Unreadable
-from robots.bridge.ros2.network.graph import Graph
-from robots.bridge.ros2.participant import Participant, Subscription, guarded
+from robots.bridge.robot.sensors.on_demand_topics import Subscription
+from robots.bridge.ros2.followed import FollowedTopics
+from robots.bridge.ros2.participant import Participant, guarded
 from robots.bridge.ros2.qos import pictures as pictures_qos
 from robots.bridge.ros2.qos import sensor
 from robots.bridge.ros2.sensors import pictures
@@ -21,20 +22,24 @@ class DepthTopics:
     """The topics of one depth camera."""
 
     def __init__(
-        self, participant: Participant, graph: Graph, source: DepthSource, reception: DepthReception
+        self,
+        participant: Participant,
+        followed: FollowedTopics,
+        source: DepthSource,
+        reception: DepthReception,
     ) -> None:
-        self._participant, self._graph = participant, graph
+        self._participant, self._followed = participant, followed
         self._source, self._reception = source, reception
         self._newest = _Newest(guarded(reception.receive))  # no picture may end its thread
 
-    def listen(self) -> list[Subscription]:
+    def listen(self) -> Sequence[Subscription]:
         """Subscribe."""
-        source, listen = self._source, self._participant.listen
-        qos = pictures_qos(one.qos_profile for one in self._graph.publishers(source.topic))
-        subscriptions = [listen(source.topic, source.type, self._take, qos)]
-        if source.info:
-            subscriptions.append(listen(source.info, "sensor_msgs/msg/CameraInfo", self._learn, sensor(1)))
-        return subscriptions
+        source = self._source
+        images = self._followed.listen(source.topic, source.type, self._take, pictures_qos)
+        if not source.info:
+            return [images]
+        kind = "sensor_msgs/msg/CameraInfo"
+        return [images, self._participant.listen(source.info, kind, self._learn, sensor(1))]
 
     def forget(self) -> None:
         """Forget the picture that waits."""

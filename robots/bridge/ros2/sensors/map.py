@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from typing import Any
 
@@ -40,21 +41,23 @@ def _read(participant: Participant, wanted: MapWanted) -> TakenMap | NoMap:
         time.sleep(LOOK_S)
     fitting = [one for one in publishers if one.topic_type == topic.type]
     gids = [bytes(one.endpoint_gid) for one in fitting]
-    messages: dict[bytes, bytes] = {}  # by publisher
+    maps: dict[bytes, TakenMap | NoMap] = {}  # by publisher
 
     def take(raw: bytes, info: Any) -> None:
-        gid = info.get(
-            "publisher_gid"
-        )  # None before Iron: then each publisher's message is taken for one of them
-        messages[bytes(gid["data"]) if gid else gids[len(messages) % len(gids)]] = raw
+        gid = info.get("publisher_gid")
+        # None before Iron: then each publisher's message is taken for one of them
+        key = bytes(gid["data"]) if gid else gids[len(maps) % len(gids)]
+        if key in gids:
+            maps[key] = _map_in(raw)
 
     if fitting:
         qos = kept(one.qos_profile for one in fitting)
         qos.depth = len(fitting)
-        participant.listen(topic.name, topic.type, take, qos)
+        # One that is too large is read all the same, so that it can be named.
+        participant.listen(topic.name, topic.type, take, qos, sys.maxsize)
         participant.start()
     until_s = time.monotonic() + MESSAGE_S
-    while len(messages) < len(fitting) and time.monotonic() < until_s:
+    while len(maps) < len(fitting) and time.monotonic() < until_s:
         time.sleep(LOOK_S)
     answers: dict[str, TakenMap | NoMap | Without] = {
         node_name(one): NoMap(
@@ -64,8 +67,7 @@ def _read(participant: Participant, wanted: MapWanted) -> TakenMap | NoMap:
         if one.topic_type != topic.type
     }
     for one, gid in zip(fitting, gids, strict=True):
-        raw = messages.get(gid)
-        answers[node_name(one)] = Without(say("has published no map yet")) if raw is None else _map_in(raw)
+        answers[node_name(one)] = maps.get(gid) or Without(say("has published no map yet"))
     return agreed(answers, topic.name)
 
 

@@ -13,11 +13,11 @@ from functools import partial
 from typing import Any, Protocol, cast
 
 import numpy as np
-from action_msgs.srv import CancelGoal
 from rclpy.serialization import deserialize_message
 
 from robots.bridge.robot.interface import Node
-from robots.bridge.ros2.drive import cancel_goals
+from robots.bridge.ros2.drive import cancel_client, cancel_goals
+from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.participant import Participant, guarded
@@ -25,7 +25,7 @@ from robots.bridge.ros2.qos import EVENTS, STATIC
 from robots.bridge.ros2.sensors.cdr import Cdr
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.texts import MOST_GOALS, most_of
+from robots.shared.texts import MOST_GOALS, MOST_NODES, most_of
 
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5  # action_msgs/msg/GoalStatus
 OUTCOMES = {SUCCEEDED: "succeeded", CANCELED: "cancelled"}  # others: "failed"
@@ -39,6 +39,7 @@ class Joined(Node, Protocol):
 
     participant: Participant
     graph: Graph
+    followed: FollowedTopics
 
 
 def joined(node: Node) -> Joined:
@@ -78,15 +79,15 @@ class ActionEnds:
         self._feedback_class = kind.Impl.FeedbackMessage
         self._goals = node.create_client(kind.Impl.SendGoalService, f"{action.name}/_action/send_goal")
         self._results = node.create_client(kind.Impl.GetResultService, f"{action.name}/_action/get_result")
-        self._cancels = node.create_client(CancelGoal, f"{action.name}/_action/cancel_goal")
+        self._cancels = cancel_client(node, action.name)
         self._sent: OrderedDict[bytes, str] = OrderedDict()  # our ids of goals, by those on the wire
-        self._running: dict[str, int] = {}
+        self._status = f"{action.name}/_action/status"
+        # Goals that run, by who said so last: what a server that has gone said holds no more.
+        self._said: OrderedDict[bytes, dict[str, int]] = OrderedDict()
         self._was_there = False
         listen = participant.listen
         self._subscriptions = [
-            listen(
-                f"{action.name}/_action/status", "action_msgs/msg/GoalStatusArray", self._on_status, STATIC
-            ),
+            listen(self._status, "action_msgs/msg/GoalStatusArray", self._on_status, STATIC),
             listen(f"{action.name}/_action/feedback", self._feedback_class, self._on_feedback, EVENTS),
         ]
         self._timer = node.create_timer(REPEAT_S, guarded(self._repeat))
@@ -139,13 +140,21 @@ class ActionEnds:
 
     def _ended(self, goal_id: str, answer: Any) -> None:
         found = answer.result()
-        self._running.pop(goal_id, None)
+        for goals in self._said.values():
+            goals.pop(goal_id, None)
         self._listener.ended(goal_id, OUTCOMES.get(found.status, "failed"), "", found.result)
 
-    def _on_status(self, raw: bytes, _info: Any) -> None:
+    def _on_status(self, raw: bytes, info: Any) -> None:
+        gid = info.get("publisher_gid")  # None before Iron
         goals = {self._named(wired): status for wired, status in statuses(raw) if status <= CANCELING}
-        self._running = most_of(goals, OURS)
-        self._listener.running(self.name, self._running)
+        self._said[bytes(gid["data"]) if gid else b""] = most_of(goals, OURS)
+        while len(self._said) > MOST_NODES:
+            self._said.popitem(last=False)
+        self._tell()
+
+    def _tell(self) -> None:
+        running = {goal: status for goals in self._said.values() for goal, status in goals.items()}
+        self._listener.running(self.name, most_of(running, OURS))
 
     def _on_feedback(self, raw: bytes, _info: Any) -> None:
         message = deserialize_message(raw, self._feedback_class)
@@ -158,9 +167,18 @@ class ActionEnds:
         if is_there and not self._was_there:
             self._on_joined()
         self._was_there = is_there
+        self._forget_gone(is_there)
+        self._tell()
+
+    def _forget_gone(self, is_there: bool) -> None:
+        """Forget what servers said that have left: another one may have come in their place, and knows no goal."""
         if not is_there:
-            self._running = {}
-        self._listener.running(self.name, self._running)
+            self._said.clear()
+        if any(self._said.values()):
+            found = self._node.get_publishers_info_by_topic(self._status)
+            there = {b"", *(bytes(one.endpoint_gid) for one in found)}
+            for gone in self._said.keys() - there:
+                del self._said[gone]
 
     def _named(self, wired: bytes) -> str:
         """Return the name of a goal: those of earlier bridges count as ours."""

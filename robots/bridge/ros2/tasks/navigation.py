@@ -28,7 +28,7 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
 
     def __init__(self, node: Node, source: NavigationSource) -> None:
         self._node, self._frame = node, source.frame
-        self._participant, self._graph = joined(node).participant, joined(node).graph
+        self._participant, self._followed = joined(node).participant, joined(node).followed
         self._reports = NavigationReports(node, source.frame)
         self._action = ActionEnds(self._participant, Topic(source.action, source.type), self)
         self._set_pose = None
@@ -85,9 +85,14 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
     def _listen(self, topic: str, type_name: str, take: Callable[[Any], None]) -> None:
         """Give `take` the messages; of the pose also the last one, which localisation keeps while the robot stands."""
         kind = message_class(type_name)
-        offered = [one.qos_profile for one in self._graph.publishers(topic)]
-        qos = kept(offered) if type_name == POSE else sensor(1)
-        self._participant.listen(topic, type_name, lambda raw, _: take(deserialize_message(raw, kind)), qos)
+
+        def read(raw: bytes, _info: Any) -> None:
+            take(deserialize_message(raw, kind))
+
+        if type_name == POSE:
+            self._followed.listen(topic, type_name, read, kept)
+        else:
+            self._participant.listen(topic, type_name, read, sensor(1))
 
     # --- on the executor's thread (actions.GoalListener) -------------------------------------------------
 

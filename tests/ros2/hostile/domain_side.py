@@ -1,0 +1,240 @@
+"""Parts of the console in one process with strangers: ``… SCENARIO`` prints a line for each thing that it has seen."""
+
+import robots.bridge.ros2  # noqa: F401, I001  (first: makes rclpy importable)
+
+import ctypes
+import os
+import resource
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from robots.bridge.robot.board import BOARD
+from robots.bridge.ros2.followed import FollowedTopics
+from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.qos import kept, pictures, sensor
+from robots.bridge.ros2.raw_topic import RawTopics
+from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros2
+from tests.ros2.hostile.stranger import leave, member
+
+DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
+ACTION, KIND = "/play_motion2", "play_motion2_msgs/action/PlayMotion2"
+PATIENCE_S = 15.0
+EXECUTING, SUCCEEDED = 2, 4
+KEPT = DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def tell(*words: object) -> None:
+    print(*words, flush=True)
+
+
+def until(condition: Callable[[], Any], what: str) -> None:
+    until_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        if time.monotonic() > until_s:
+            tell("never:", what)
+            os._exit(1)
+        time.sleep(0.02)
+
+
+# --- actions --------------------------------------------------------------------------------------
+
+
+class Server:
+    """An action server that accepts each goal, says that it runs, and answers as told: never, or `times`."""
+
+    def __init__(self, times: int) -> None:
+        self.node, kind = member("play_motion2"), message_class(KIND)
+        self._times = times
+        services = {
+            "send_goal": (kind.Impl.SendGoalService, self._accept),
+            "get_result": (kind.Impl.GetResultService, self._answer),
+        }
+        for name, (service, take) in services.items():
+            made = self.node.create_service(service, f"{ACTION}/_action/{name}", take)
+            send = made.send_response
+            made.send_response = lambda *answer, send=send: [send(*answer) for _ in range(times or 1)]
+        self._status = self.node.create_publisher(
+            GoalStatusArray, f"{ACTION}/_action/status", QoSProfile(depth=1, durability=KEPT)
+        )
+        self._executor = SingleThreadedExecutor(context=self.node.context)
+        self._executor.add_node(self.node)
+        self._dies = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._dies.is_set():
+            self._executor.spin_once(0.1)
+
+    def _accept(self, request: Any, answer: Any) -> Any:
+        running = GoalStatus(status=EXECUTING)
+        running.goal_info.goal_id = request.goal_id
+        self._status.publish(GoalStatusArray(status_list=[running]))
+        answer.accepted = True
+        return answer
+
+    async def _answer(self, _request: Any, answer: Any) -> Any:
+        if not self._times:
+            await Future()
+        answer.status = SUCCEEDED
+        return answer
+
+    def die(self) -> None:
+        self._dies.set()
+        self._thread.join()
+        leave(self.node)
+
+
+class Seen(GoalListener):
+    def __init__(self) -> None:
+        self.goals: dict[str, int] = {}
+        self.ends: list[tuple[str, str]] = []
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        self.goals = dict(goals)
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        self.ends.append((goal_id, outcome))
+
+
+def actions(participant: Participant) -> None:
+    seen = Seen()
+    ends = ActionEnds(participant, Topic(ACTION, KIND), seen)
+    participant.start()
+    silent = Server(0)
+    until(lambda: ends.heard, "the server")
+    ends.send("first", ends.goal_class(motion_name="wave"))
+    until(lambda: seen.goals == {"first": EXECUTING}, "a goal that runs")
+    tell("runs")
+    another = Server(2)  # comes before the first one leaves: the action is always served
+    status = f"{ACTION}/_action/status"
+    until(lambda: participant.node.count_publishers(status) == 2, "the second server")
+    silent.die()
+    until(lambda: not seen.goals, "that the goal of a server that has gone is forgotten")
+    tell("forgotten", *seen.ends)
+    for goal in ("second", "third"):
+        ends.send(goal, ends.goal_class(motion_name="wave"))
+        until(lambda goal=goal: (goal, "succeeded") in seen.ends, goal)
+    tell("ended", *(goal for goal, _ in seen.ends))
+    another.die()
+
+
+# --- types and QoS --------------------------------------------------------------------------------
+
+
+def versions(participant: Participant) -> None:
+    """A type with a further field, in front. The digest that rclpy tells lies in the memory of its library."""
+    heard: list[bytes] = []
+    participant.listen("/words", "std_msgs/msg/String", lambda raw, _: heard.append(raw), sensor(1))
+    participant.start()
+    library = ctypes.CDLL("libstd_msgs__rosidl_generator_c.so")
+    digest = library.std_msgs__msg__String__get_type_hash
+    digest.restype, digest.argtypes = ctypes.POINTER(ctypes.c_uint8), [ctypes.c_void_p]
+    newer = digest(None)
+    newer[1] ^= 0xFF
+    node = member("newer")
+    publisher = node.create_publisher(String, "/words", 1)
+    newer[1] ^= 0xFF
+    message = b"\0\1\0\0" + b"\7\0\0\0" + b"\4\0\0\0abc\0"
+    until(publisher.get_subscription_count, "that DDS connects the two")
+
+    def said() -> list[str]:
+        publisher.publish(message)
+        return BOARD.texts()
+
+    until(said, "what is said of it")
+    tell("said", *BOARD.texts())
+    tell("heard", len(heard))
+    honest = member("honest").create_publisher(String, "/words", 1)
+    until(lambda: (honest.publish(String(data="abc")), heard)[1], "the other one")
+    tell("heard", *{raw.hex() for raw in heard})
+
+
+def qos(participant: Participant) -> None:
+    """Pictures of a publisher that offers less than before; a message that stays, beside a stranger that keeps none."""
+    heard: list[str] = []
+    graph = Graph(participant.node)
+    followed = FollowedTopics(participant, graph)
+
+    def take(raw: bytes, _info: Any) -> None:
+        heard.append(raw[8:].rstrip(b"\0").decode())
+
+    participant.start()
+    for word, reliability in (
+        ("sure", ReliabilityPolicy.RELIABLE),
+        ("fast", ReliabilityPolicy.BEST_EFFORT),
+        ("sure again", ReliabilityPolicy.RELIABLE),
+    ):
+        camera = member("camera")
+        publisher = camera.create_publisher(String, "/pictures", QoSProfile(depth=1, reliability=reliability))
+        if word == "sure":
+            until(lambda: graph.publishers("/pictures"), word)
+            followed.listen("/pictures", "std_msgs/msg/String", take, pictures)
+
+        def comes(publisher: Any = publisher, word: str = word) -> bool:
+            publisher.publish(String(data=word))
+            followed.follow()
+            return word in heard
+
+        until(comes, word)
+        tell("heard", word)
+        leave(camera)
+    node = member("keeps")
+    node.create_publisher(String, "/kept", QoSProfile(depth=1, durability=KEPT)).publish(String(data="kept"))
+    member("stranger").create_publisher(String, "/kept", 1)
+    until(lambda: participant.node.count_publishers("/kept") == 2, "both")
+    followed.listen("/kept", "std_msgs/msg/String", take, kept)
+    until(lambda: (followed.follow(), "kept" in heard)[1], "what stays")
+    tell("heard", "kept")
+
+
+# --- floods ---------------------------------------------------------------------------------------
+
+
+def resident() -> int:
+    """Memory of this process (MB)."""
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * resource.getpagesize() // 1_000_000
+
+
+def flood(_participant: Participant) -> None:
+    """A reader that is slower than a flood of large messages."""
+    came, over = threading.Event(), threading.Event()
+
+    def take(_speaker: Any, _data: bytes) -> None:
+        came.set()
+        over.wait()
+
+    config: Any = SimpleNamespace(ros=Ros2(DOMAIN, "localhost"))
+    raw = RawTopics(config, "/fleet_recorder")
+    raw.listen("/strings", take, 100)
+    assert came.wait(PATIENCE_S)
+    before = resident()
+    time.sleep(float(sys.argv[2]))
+    tell("grown", resident() - before)
+    over.set()
+
+
+def main() -> None:
+    scenario = globals()[sys.argv[1]]
+    scenario(Participant("fleet_try", DOMAIN))
+    tell("over")
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

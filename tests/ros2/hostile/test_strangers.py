@@ -1,0 +1,83 @@
+"""What strangers of a domain do to parts of the console: their servers, types, QoS, floods."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import msgspec
+
+from robots.bridge.maps.map_fetch import MapWanted, NoMap
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
+from tests.processes import REPOSITORY
+from tests.ros2.side import PATIENCE_S, Side, needs_rclpy
+
+pytestmark = needs_rclpy
+GROWN_MB = 100
+
+
+@contextmanager
+def stranger(domain: int, *role: str) -> Iterator[Side]:
+    """A stranger that has begun."""
+    side = Side("tests.ros2.hostile.stranger", domain, *role)
+    try:
+        side.await_line("done")
+        yield side
+    finally:
+        side.close(kill=True)
+
+
+@contextmanager
+def scenario(domain: int, *name: str) -> Iterator[Side]:
+    side = Side("tests.ros2.hostile.domain_side", domain, *name)
+    try:
+        yield side
+    finally:
+        side.close(kill=True)
+
+
+def test_goals_end_with_their_server_and_only_once(domain: int) -> None:
+    """A server accepts and never answers, and another one takes its place; that one answers twice."""
+    with scenario(domain, "actions") as side:
+        side.await_line("runs")
+        assert side.await_line("forgotten") == ["forgotten"]
+        assert side.await_line("ended") == ["ended", "second", "third"]
+
+
+def test_another_version_of_a_type_is_named_and_not_read(domain: int) -> None:
+    """DDS connects the two, and the field in front would be read for the one that is known."""
+    with scenario(domain, "versions") as side:
+        said = " ".join(side.await_line("said"))
+        assert "/words: std_msgs/msg/String has other fields at /newer than here" in said
+        assert side.await_line("heard") == ["heard", "0"]
+        assert side.await_line("heard") == ["heard", "000100000400000061626300"]
+
+
+def test_publishers_may_change_what_they_offer(domain: int) -> None:
+    with scenario(domain, "qos") as side:
+        for words in (["sure"], ["fast"], ["sure", "again"], ["kept"]):
+            assert side.await_line("heard") == ["heard", *words]
+
+
+def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> None:
+    with stranger(domain, "strings", "3000000"), scenario(domain, "flood", "3") as side:
+        assert int(side.await_line("grown")[1]) < GROWN_MB
+
+
+def test_a_map_that_is_too_large_is_named(domain: int) -> None:
+    wanted = MapWanted(Ros2(domain, "localhost"), Topic("/map", "nav_msgs/msg/OccupancyGrid"))
+    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
+    with stranger(domain, "huge_map", "4200"):
+        found = subprocess.run(
+            [sys.executable, "-m", "robots.bridge.ros2.sensors.map"],
+            cwd=REPOSITORY,
+            env=environment,
+            input=msgspec.json.encode(wanted),
+            stdout=subprocess.PIPE,
+            timeout=PATIENCE_S,
+            check=True,
+        )
+    assert msgspec.msgpack.decode(found.stdout, type=NoMap).why == "/huge_map: it has 4200 x 4200 cells"
