@@ -9,10 +9,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
+from msgspec.structs import replace
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
@@ -28,6 +28,7 @@ from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2
+from tests.bridge.support import CONFIG
 from tests.ros2.hostile.stranger import leave, member
 
 DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
@@ -219,8 +220,7 @@ def flood(_participant: Participant) -> None:
         came.set()
         over.wait()
 
-    config: Any = SimpleNamespace(ros=Ros2(DOMAIN, "localhost"))
-    raw = RawTopics(config, "/fleet_recorder")
+    raw = RawTopics(replace(CONFIG, ros=Ros2(DOMAIN, "localhost")), "/fleet_recorder")
     raw.listen("/strings", take, 100)
     assert came.wait(PATIENCE_S)
     before = resident()

@@ -7,16 +7,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import msgspec
+import pytest
 
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
 from tests.processes import REPOSITORY
+from tests.ros2.conftest import free_domain
 from tests.ros2.side import PATIENCE_S, Side, needs_rclpy
 
 pytestmark = needs_rclpy
 GROWN_MB = 100
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """A domain for each test: who died without a word stays in it for 20 s."""
+    with free_domain() as found:
+        yield found
 
 
 @contextmanager
