@@ -73,7 +73,8 @@ class Subscription:
         return self._pictures.publishers
 
     def close(self) -> None:
-        for topic in (self._pictures, *self._others):
+        self._pictures.unregister()
+        for topic in self._others:
             topic.unregister()
 
 
