@@ -3,7 +3,7 @@
 All of it is optional to who imports it: without OpenSSL hashlib computes by itself, without bz2 and lzma shutil packs
 less, without typing_extensions msgspec asks typing, without ssl there is no TLS, without numpy's new docs its functions
 lack their descriptions. What is needed seldom is imported then: websockets reads metadata of packages only in its own
-development, rospy YAML only of command lines.
+development, rospy YAML only of files and command lines.
 """
 
 from __future__ import annotations

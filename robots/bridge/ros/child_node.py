@@ -30,7 +30,6 @@ def join(config: BridgeConfig, name: str, at_end: Callable[[], object] = lambda:
     """
     master_uri = ros1(config.ros).master_uri
     os.environ["ROS_MASTER_URI"] = master_uri
-    os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
     os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
     watch = DeathWatch(master_uri)
     install(lambda: end_without_memory(lambda: os._exit(1)))

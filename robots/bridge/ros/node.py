@@ -196,7 +196,6 @@ class RosBase:
         self._reception.start(loop, core, run_on_loop)
         self._on_lost = on_lost
         os.environ["ROS_MASTER_URI"] = self._master.uri
-        os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self.config.state_dir) / "ros-log"))
         self._monitor.start()
 

@@ -54,7 +54,6 @@ class WatchdogNode:
     def start(self) -> None:
         """Search for the master on a separate thread."""
         os.environ["ROS_MASTER_URI"] = self._master.uri
-        os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
         threading.Thread(target=self._keep_registered, name="master", daemon=True).start()
 

@@ -12,13 +12,14 @@ import rosgraph.xmlrpc
 from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 
 from robots.bridge.ros.bounds import listening, servers
-from robots.bridge.ros.bounds.logs import spare_the_log
+from robots.bridge.ros.bounds.logs import keep_our_log, spare_the_log
 
 MASTER_TIMEOUT_S = 60.0  # time limit of rospy's own calls to the master
 
 
 def install(exhausted: Callable[[], None]) -> None:
     """Limit what rospy reads and from which nodes. rospy's threads call `exhausted` when memory ends."""
+    keep_our_log()
     spare_the_log()
     socket.setdefaulttimeout(MASTER_TIMEOUT_S)  # rospy sets the same limit with its first subscription
     listening.Transport.exhausted = staticmethod(exhausted)

@@ -1,9 +1,11 @@
-"""Limits rospy's log lines, because any host can cause them: few a second, and short."""
+"""rospy's log lines: only ours are written, few a second and short, because any host can cause them."""
 
 from __future__ import annotations
 
 import logging
 import time
+
+import rospy.core
 
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.texts import cut
@@ -28,6 +30,13 @@ class LogLimiter(logging.Filter):
             return False
         record.msg, record.args = cut(record.getMessage(), LONGEST), ()
         return True
+
+
+def keep_our_log() -> None:
+    """Let rospy log warnings and errors by our handlers. Its own set-up would read YAML, and write files."""
+    rospy.core.configure_logging = lambda _name: None
+    for name in ("rospy", "rosout", "xmlrpc"):
+        logging.getLogger(name).setLevel(logging.WARNING)
 
 
 def spare_the_log() -> None:
