@@ -10,6 +10,7 @@ from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
+from fleet.accounts.emails import why_none_leaves
 from fleet.accounts.mail.off import is_off
 from fleet.accounts.mail.trial import trial
 from fleet.accounts.requests import staff_of
@@ -34,4 +35,5 @@ def mail(request: HttpRequest) -> HttpResponse:
     }
     if form.is_valid() and not is_off():
         context |= {"to": form.cleaned_data["to"], "fault": trial(to=form.cleaned_data["to"], actor=staff)}
+    context["why_none_leaves"] = why_none_leaves()  # after the test
     return render(request, "site/mail.html", context, status=400 if form.errors else 200)
