@@ -26,16 +26,22 @@ def twist_class(drive: Topic) -> type[Any]:
     return kind
 
 
-def twist_of(velocity: Velocity, kind: type[Any]) -> Twist | TwistStamped:
-    """Return a message of this class. A stamp is this computer's time: controllers refuse old ones."""
-    twist = Twist()
-    twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
-    if kind is Twist:
-        return twist
-    stamped = TwistStamped(twist=twist)
-    stamp = stamped.header.stamp
-    stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
-    return stamped
+class Twists:
+    """Makes messages of one class, in turn in the same object: a new one costs as much as sending it."""
+
+    def __init__(self, kind: type[Any]) -> None:
+        self._message = kind()
+        self._header = getattr(self._message, "header", None)
+        self._twist = self._message if self._header is None else self._message.twist
+
+    def of(self, velocity: Velocity) -> Twist | TwistStamped:
+        """Return the message, until the next call. A stamp is this computer's time: controllers refuse old ones."""
+        linear, angular = self._twist.linear, self._twist.angular
+        linear.x, linear.y, angular.z = map(float, velocity)
+        if self._header is not None:
+            stamp = self._header.stamp
+            stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+        return self._message
 
 
 class _NotRead(ReentrantCallbackGroup):  # type: ignore[misc]

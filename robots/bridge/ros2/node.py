@@ -27,7 +27,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import cancel_client, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import Twists, cancel_client, cancel_goals, twist_class
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
@@ -35,7 +35,7 @@ from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
 from robots.bridge.ros2.network.survey import Listeners, is_there, problems
-from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.participant import Participant, Rests
 from robots.bridge.ros2.qos import DRIVE
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros2.sensors.description import DescriptionTopic
@@ -60,6 +60,9 @@ CLOCK = "/clock"  # published where time is simulated
 LEAVE_S = 1.0
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
+# Between reads while the robot stands without a driver: shorter than each sensor's limit, and no queue overflows.
+# While it moves or has a driver: the gate sees the age of all that it reads.
+RESTS_S, MOVES_S = 0.05, 0.008
 HEARD_S = 2.0  # a publisher of odometry that is silent for longer may have ended
 
 
@@ -70,6 +73,7 @@ class RosBase:
         self.config = config
         self._ros = ros2(config.ros)
         self._drives: dict[str, Any] = {}  # by topic: the default and a chosen one
+        self._twists = Twists(twist_class(config.topics.drive))
         self._cancels: list[Any] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
@@ -125,7 +129,7 @@ class RosBase:
         drive = self._drive
         if drive is not None:
             try:
-                drive.publish(twist_of(velocity, drive.msg_type))
+                drive.publish(self._twists.of(velocity))
             except InvalidHandle:  # its topic is being closed
                 log.warning("a velocity was not published: its topic is closed")
 
@@ -163,7 +167,9 @@ class RosBase:
             return 0
 
     def hurry(self, wanted: bool) -> None:
-        """Do nothing: messages are always read at once."""
+        """Read messages soon if wanted, else in larger batches."""
+        if participant := getattr(self, "participant", None):
+            participant.hurry(wanted)
 
     def use_on_demand_topics(self, wanted: bool) -> None:
         """Subscribe to the costly topics (depth, tf) only while a person drives."""
@@ -209,7 +215,10 @@ class RosBase:
         config, namespace, reception = self.config, self._ros.namespace, self._reception
         self._joined = Joined(self._ros)
         self.participant = participant = Participant(
-            BRIDGE.strip("/"), self._ros.domain_id, lambda: self.lost(name_taken=False)
+            BRIDGE.strip("/"),
+            self._ros.domain_id,
+            lambda: self.lost(name_taken=False),
+            Rests(lambda: MOVES_S if reception.moves else RESTS_S, MOVES_S),
         )
         self.graph = Graph(participant.node)
         self._listeners = Listeners(Graph(participant.node), config.topics.drive)

@@ -7,8 +7,9 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial, wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -47,6 +48,13 @@ _END = partial(os._exit, 1)  # a process that hears nothing more must not seem t
 Take = Callable[[bytes, Any], None]
 
 
+class Rests(NamedTuple):
+    """How long (s) the executor leaves messages in their queues: now, and in a hurry, which ends a rest at once."""
+
+    seconds: Callable[[], float]
+    hurried_s: float
+
+
 class _AllAtOnce(ReentrantCallbackGroup):  # type: ignore[misc]
     """Lets each callback run: one thread runs them all.
 
@@ -60,12 +68,24 @@ class _AllAtOnce(ReentrantCallbackGroup):  # type: ignore[misc]
 class Participant:
     """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments.
 
-    If its executor fails again and again, the process ends, or does what `on_failed` says.
+    If its executor fails again and again, the process ends, or does what `on_failed` says. With `rests` it reads in
+    batches: rclpy builds its wait set anew after each batch, which costs more than a message, and keeps the event loop
+    from sending a twist meanwhile.
     """
 
-    def __init__(self, name: str, domain: int, on_failed: Callable[[], None] = _END) -> None:
+    def __init__(
+        self,
+        name: str,
+        domain: int,
+        on_failed: Callable[[], None] = _END,
+        rests: Rests | None = None,
+    ) -> None:
         self._context = Context()
         self._on_failed = on_failed
+        self._rests = rests
+        self._hurries = threading.Event()
+        self._taken = 0  # messages
+        self._closing = False
         rclpy.init(
             args=[],
             context=self._context,
@@ -91,6 +111,10 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
+    def hurry(self, wanted: bool) -> None:
+        """End a rest at once, and make shorter ones until a hurry is no longer wanted. Thread-safe."""
+        (self._hurries.set if wanted else self._hurries.clear)()
+
     def listen(
         self,
         topic: str,
@@ -111,6 +135,7 @@ class Participant:
         most = most_bytes(name) if largest is None else largest
         versions = Versions(self.node, topic, name) if name and not any_version else None
 
+        @guarded
         def receive(raw: bytes, info: Any) -> None:
             if len(raw) > most:
                 complain_of_size(topic, len(raw), most)
@@ -120,9 +145,19 @@ class Participant:
             else:
                 take(raw, info)
 
+        def receive_all(raw: bytes, info: Any) -> None:
+            """Take what waits in the queue too: rclpy would take one message for each wait."""
+            self._taken += 1
+            receive(raw, info)
+            with suppress(InvalidHandle), subscription.handle:
+                for _ in range(qos.depth - 1):
+                    if (taken := subscription.handle.take_message(subscription.msg_type, True)) is None:
+                        return
+                    receive(*taken)
+
         found = message_class(kind) if isinstance(kind, str) else kind
         subscription = self.node.create_subscription(
-            found, topic, guarded(receive), qos, event_callbacks=NO_EVENTS, raw=True
+            found, topic, receive_all, qos, event_callbacks=NO_EVENTS, raw=True
         )
         return Subscription(self.node, subscription)
 
@@ -145,6 +180,8 @@ class Participant:
 
     def close(self, patience_s: float) -> None:
         """Leave the domain. Without the end of the node, others would miss this participant only after 20 s."""
+        self._closing = True
+        self.hurry(True)
         self._executor.shutdown(patience_s)
         if self._thread.is_alive():
             self._thread.join(patience_s)
@@ -157,7 +194,7 @@ class Participant:
         while True:
             began_s = time.monotonic()
             try:
-                self._executor.spin()
+                self._call_back()
                 return
             except ExternalShutdownException:
                 return
@@ -173,6 +210,21 @@ class Participant:
                 self._on_failed()
                 return
             self._let_all_run()
+
+    def _call_back(self) -> None:
+        """Call callbacks until the end."""
+        while not self._closing:
+            if self._rests is None:
+                self._executor.spin_once()
+                continue
+            taken = self._taken
+            self._executor.spin_once(0.0)  # after a batch it calls nothing, and waits for nothing
+            if self._taken > taken:
+                continue
+            if self._hurries.is_set():
+                time.sleep(self._rests.hurried_s)
+            else:
+                self._hurries.wait(self._rests.seconds())
 
     def _let_all_run(self) -> None:
         """Forget which callback failed: for the executor it still runs, so it would never be called again."""

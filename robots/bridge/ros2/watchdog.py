@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import cancel_client, cancel_goals, twist_class, twist_of
+from robots.bridge.ros2.drive import Twists, cancel_client, cancel_goals, twist_class
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners
@@ -64,7 +64,7 @@ class WatchdogNode:
         reached = 0
         for name, publisher in list(self._drives.items()):
             try:
-                publisher.publish(twist_of(STILL, publisher.msg_type))
+                publisher.publish(Twists(publisher.msg_type).of(STILL))
                 reached += self._listeners.of(name, publisher)
             except InvalidHandle as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)
