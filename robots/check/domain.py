@@ -13,7 +13,15 @@ from robots.shared.processes.probe_findings import Findings
 def domain_checks(findings: Findings) -> Iterator[Check]:
     """Yield the faults of a robot's domain."""
     yield from _twins(findings)
-    yield from _shared_memory(findings)
+    yield from shared_memory(findings)
+
+
+def namespace_check(odometry: str, namespaces: list[str]) -> Check:
+    """Return that the robot's names begin otherwise than the registry says: then none of them is found."""
+    text = _("No node publishes %(topic)s, but there is such a topic in the namespace %(found)s.")
+    words = {"topic": odometry, "found": listed([one or "/" for one in namespaces])}
+    advice = _("Enter it as the robot’s namespace; if it is /, none.")
+    return Check(_("namespace"), FAIL, text % words, advice)
 
 
 def _twins(findings: Findings) -> Iterator[Check]:
@@ -28,8 +36,11 @@ def _twins(findings: Findings) -> Iterator[Check]:
         yield Check(_("two robots"), WARN, text % listed(findings.twins), advice)
 
 
-def _shared_memory(findings: Findings) -> Iterator[Check]:
-    """Yield a fault if messages cannot pass by shared memory, because the robot's nodes are another user's."""
+def shared_memory(findings: Findings) -> Iterator[Check]:
+    """Yield a fault if messages cannot pass by shared memory, because the robot's nodes are another user's.
+
+    Then not even the names of nodes come: no node seems to answer.
+    """
     if not findings.shared_memory:
         return
     text = _("In shared memory (/dev/shm) stand files of %s for this domain, which other users cannot write.")

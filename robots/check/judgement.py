@@ -9,7 +9,7 @@ from django.utils.translation import gettext_noop
 from msgspec import structs
 
 from fleet.base.formats.sentences import in_words, localised, words_of
-from robots.check.domain import domain_checks
+from robots.check.domain import domain_checks, namespace_check, shared_memory
 from robots.check.plan import GOALS, listened_of, plan_for
 from robots.check.results import FAIL, OK, WARN, Check, Level, listed
 from robots.description.drawable import drawable
@@ -20,6 +20,7 @@ from robots.shared.messages.type_names import bare
 from robots.shared.processes.probe_findings import (
     BRIDGE,
     FEEDBACK,
+    TYPE,
     CallbackFound,
     DescriptionFound,
     DriveFound,
@@ -40,12 +41,16 @@ MOST_LEFT_OUT = 3  # parts of a description that a result names
 
 
 def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
-    """Yield the results, the most basic first. If the robot's ROS does not answer, yield only that."""
+    """Yield the results, the most basic first. If the robot's ROS does not answer, yield only that and its reason."""
     yield _answers(config.ros, findings)
     if findings.master_error is not None:
+        yield from shared_memory(findings)
         return
     if isinstance(config.ros, Ros1):
         yield _names_here(findings.hosts)
+    if findings.namespaces:
+        yield namespace_check(listened_of(config)[0].topic, findings.namespaces)
+        return
     if findings.callback is not None:
         yield _names_there(findings.callback)
     yield _clock(config, findings)
@@ -307,6 +312,8 @@ def _unheard(name: str, topic: Topic, found: DriveFound | None) -> Check | None:
         text = _(
             "%(nodes)s gets nothing on %(topic)s: it asks for %(policy)s %(asked)s, the console offers %(offered)s."
         )
+        if first.policy == TYPE:
+            return Check(name, WARN, text % words, _("Correct the profile’s type, or its own."))
         advice = _(
             "Set the %(policy)s of its subscription to %(offered)s: the console keeps no old commands, and promises "
             "no times."

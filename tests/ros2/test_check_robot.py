@@ -126,14 +126,16 @@ def test_a_distribution_that_is_missing_or_another_s_is_named(check, tmp_path: P
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can make another user's files")
-def test_shared_memory_of_another_user_is_named(check, crooked: int) -> None:
-    file = Path(f"/dev/shm/fastdds_port{7400 + 250 * crooked + 249}")  # noqa: S108  (of no process)
+def test_shared_memory_of_another_user_is_named(check, empty_domain: int) -> None:
+    """Of such a robot the console hears not even the names of its nodes."""
+    file = Path(f"/dev/shm/fastdds_port{7400 + 250 * empty_domain + 249}")  # noqa: S108  (of no process)
     file.touch()
     try:
         os.chown(file, 65534, -1)
-        memory = check(domain_id=crooked)["shared memory"]
+        memory = check(domain_id=empty_domain)["shared memory"]
     finally:
         file.unlink()
+    assert memory["level"] == "fail"
     assert "In shared memory (/dev/shm) stand files of nobody for this domain" in memory["text"]
 
 
@@ -145,6 +147,12 @@ def test_a_robot_in_another_domain_is_named_there(check, crooked: int, empty_dom
     assert f"/base publishes /mobile_base_controller/odom in domain {crooked}: is that the robot?" in text
     assert text.endswith("The search stays on this computer.")
     assert f"ROS_DOMAIN_ID should be {empty_domain}" in answers["domain"]["advice"]
+
+
+def test_a_robot_in_another_namespace_is_named_there(check, crooked: int) -> None:
+    answers = check(domain_id=crooked, namespace="/tiago1")
+    assert list(answers) == ["domain", "namespace"]
+    assert answers["namespace"]["text"].endswith("but there is such a topic in the namespace /.")
 
 
 def test_how_this_computer_searched_is_said(check, empty_domain: int) -> None:

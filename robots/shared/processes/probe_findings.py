@@ -15,6 +15,7 @@ CALLER = "/fleet_check"  # the probe's node name
 BRIDGE = "/fleet_bridge"  # the bridge's node name, the same from every console: a second bridge is refused
 WATCHDOG = "/fleet_watchdog"  # prefix of a watchdog's node name; it publishes only zeros
 
+TYPE = "type"
 FEEDBACK = "_FeedbackMessage"  # behind the type of an action of ROS 2: what its server tells of a goal
 
 
@@ -37,7 +38,8 @@ class Listened(Struct, frozen=True):
 class Misfit(Struct, frozen=True):
     """A node of ROS 2 that is not connected with another one, because of one policy of quality of service.
 
-    Policies and values are named as ROS 2 names them, such as "durability", "volatile", "transient local".
+    Policies and values are named as ROS 2 names them, such as "durability", "volatile", "transient local". `TYPE` may
+    stand in a policy's place.
     """
 
     node: str
@@ -133,4 +135,5 @@ class Findings(Worded, frozen=True):
     clock_is_simulated: bool = False
     commands: dict[str, DriveFound] = {}  # by `Plan.commands`
     twins: list[str] = []  # of ROS 2: names that several nodes have
+    namespaces: list[str] = []  # of ROS 2: where the robot is in place of the one that the registry has
     shared_memory: list[str] = []  # of ROS 2: other users whose files stand there for this domain

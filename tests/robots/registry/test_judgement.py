@@ -159,6 +159,19 @@ def test_two_robots_with_the_same_names_in_a_domain_are_found(config_2, well_2) 
     )
 
 
+def test_a_listener_of_another_type_beside_the_right_one_is_named(config_2, well_2) -> None:
+    stamped = Misfit("/rviz", "type", "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+    drive = DriveFound([], ["/twist_mux"], None, [stamped])
+    check = answer(config_2, msgspec.structs.replace(well_2, drive=drive), "drive")
+    assert (check.level, check.advice) == ("warn", "Correct the profile’s type, or its own.")
+    assert "it asks for type geometry_msgs/msg/TwistStamped, the console offers" in check.text
+
+
+def test_a_namespace_that_the_registry_lacks_is_all_that_is_said(config_2, well_2) -> None:
+    _, check = judge(config_2, msgspec.structs.replace(well_2, namespaces=["/tiago1"]))
+    assert (check.name, check.level, "in the namespace /tiago1." in check.text) == ("namespace", "fail", True)
+
+
 def test_two_nodes_of_one_name_may_be_two_robots(config_2, well_2) -> None:
     check = answer(config_2, msgspec.structs.replace(well_2, twins=["/twist_mux"]), "two robots")
     assert (check.level, "Several nodes are called /twist_mux" in check.text) == ("warn", True)

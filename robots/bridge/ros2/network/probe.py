@@ -48,6 +48,7 @@ from robots.shared.messages.type_names import bare
 from robots.shared.processes.probe_findings import (
     CALLER,
     FEEDBACK,
+    TYPE,
     DriveFound,
     Findings,
     Listened,
@@ -58,6 +59,7 @@ from robots.shared.processes.probe_findings import (
 from robots.shared.sentences import say
 
 SETTLED_S = 1.0  # from the first node to the last, and its topics
+CONNECTED_S = 2.0  # until DDS has connected a subscription, on a busy computer
 LOOK_S = 0.05
 LARGEST = 32 * 1024 * 1024  # bytes of a message
 STAMP = struct.Struct("<iII")  # of a std_msgs/Header: seconds, nanoseconds, length of the frame id
@@ -77,7 +79,7 @@ def probe(plan: Plan) -> Findings:
             return _found(participant, plan, ros)
     finally:
         participant.close(LEAVE_S)
-    return Findings(master_error=why_not_found(plan, ros))
+    return Findings(master_error=why_not_found(plan, ros), shared_memory=_strangers(ros))
 
 
 def _until(is_true: Callable[[], bool], seconds: float) -> bool:
@@ -93,7 +95,7 @@ def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
     description = Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False)
     heard = [_Heard(participant, one) for one in [*plan.listened, description]]
     participant.start()
-    _until(lambda: all(one.done for one in heard), plan.listen_s)
+    _until(lambda: all(one.done for one in heard), plan.listen_s + CONNECTED_S)
     last = heard.pop().last
     return Findings(
         topics=[one.found() for one in heard],
@@ -103,7 +105,18 @@ def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
         clock_is_simulated=bool(participant.node.count_publishers("/clock")),
         twins=sorted(name for name, count in Counter(others(participant)).items() if count > 1),
         shared_memory=_strangers(ros),
+        namespaces=_namespaces(participant, plan, ros),
     )
+
+
+def _namespaces(participant: Participant, plan: Plan, ros: Ros2) -> list[str]:
+    """Return the namespaces in which the robot's odometry is, if it is not where the registry says."""
+    node, odometry = participant.node, plan.listened[0].topic
+    if node.count_publishers(odometry):
+        return []
+    end = odometry.removeprefix(ros.namespace)
+    names = (name for name, _ in node.get_topic_names_and_types() if name.endswith(end))
+    return sorted(name.removesuffix(end) for name in names if node.count_publishers(name))
 
 
 def _commanded(participant: Participant, topic: Topic) -> DriveFound:
@@ -115,9 +128,12 @@ def _commanded(participant: Participant, topic: Topic) -> DriveFound:
     types = sorted({one.topic_type for one in listeners} - {topic.type})
     fitting = [one for one in listeners if one.topic_type == topic.type]
     unfit = refused(DRIVE, fitting)
+    if fitting:
+        strange = [one for one in listeners if one.topic_type != topic.type]
+        unfit += [Misfit(node_name(one), TYPE, topic.type, one.topic_type) for one in strange]
     return DriveFound(
         publishers=sorted(map(node_name, node.get_publishers_info_by_topic(topic.name))),
-        subscribers=sorted({*nodes(fitting)} - {one.node for one in unfit}),
+        subscribers=sorted({*nodes(fitting)} - {one.node for one in unfit if one.policy != TYPE}),
         type=types[0] if types and not fitting else None,
         refused=unfit,
         differing=nodes(one for one in fitting if _theirs(one)),
@@ -167,10 +183,11 @@ class _Heard:
         kind = _class(listened.type)
         self._known = kind is not None
         self._fitting = [one for one in self._publishers if one.topic_type == listened.type]
+        is_read = self._known and bool(self._fitting)
         found_types = sorted({one.topic_type for one in self._publishers})
         self._type = listened.type if self._fitting else next(iter(found_types), None)
-        self.done = kind is None or not self._fitting
-        if not self.done:
+        self.done = not is_read or listened.type.endswith(FEEDBACK)  # whose actions may stay silent for hours
+        if is_read:
             offered = (
                 STATIC if listened.kept == "must" else as_offered(one.qos_profile for one in self._publishers)
             )
@@ -193,7 +210,7 @@ class _Heard:
         ours = type_hash(self._listened.type) if theirs else ""
         return TopicFound(
             self._listened.what,
-            [node_name(one) for one in self._publishers],
+            [node_name(one) for one in self._fitting or self._publishers],
             type=self._type,
             md5=theirs,
             our_md5=ours if self._known else None,
