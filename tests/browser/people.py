@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from tests.processes import until
 PutBack = Callable[..., None]
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
+ANSWERS_S, TASK_S = 6.0, 120.0
 POLL_MS = 50
 SIGN_S = 1.0  # a held key repeats; much slower than real keys, so that a test may keep one down for seconds
 MADE_UP_LANGUAGE = (Path(__file__).parent / "made_up_language.js").read_text()
@@ -287,6 +288,18 @@ class Person:
                 newest = self.heard.get("view", {}).get("state")
                 raise AssertionError(f"not within {timeout_s} s: {what}; robot: {newest}")
             self.page.wait_for_timeout(POLL_MS)
+
+    def insist(self, task: str, begin: Callable[[], None], until: Callable[[], bool], what: str) -> None:
+        """Begin a task, until a condition is true; again if it is refused or given up: a busy computer is late."""
+
+        def there() -> bool:
+            if not until() and not self.state.get(task):
+                begin()
+                with suppress(AssertionError):
+                    self.until(lambda: self.state.get(task) or until(), task, timeout_s=ANSWERS_S)
+            return until()
+
+        self.until(there, what, timeout_s=TASK_S)
 
     def fold_arm(self) -> None:
         """Move the robot's arm home unless it is there; again if a busy computer's late laser data block the motion."""

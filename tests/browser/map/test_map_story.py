@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,9 +15,8 @@ from tests.browser.conftest import ARGUMENTS, CHROMIUM
 from tests.browser.control.test_limbs import at
 from tests.browser.control.test_scene import figures, opened
 from tests.browser.map.test_map import PIXEL, open_map
-from tests.browser.people import Fingers, Person, running_stack
+from tests.browser.people import ANSWERS_S, Fingers, Person, running_stack
 
-ANSWERS_S, DRIVES_S = 6.0, 120.0
 START, KITCHEN, DOCK = (7.6, 2.0), (1.3, 1.0), (9.2, 2.6)
 
 
@@ -44,8 +43,8 @@ def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> No
     expect(operator.part("map-words")).to_be_hidden()
 
     begin = operator.place
-    drive(
-        operator,
+    operator.insist(
+        "going",
         lambda: by_the_map(operator, fingers),
         lambda: bool(operator.state.get("going")) and math.dist(operator.place, begin) > 1.0,
         "a metre of the way",
@@ -59,8 +58,8 @@ def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> No
     fingers.lift(1)
 
     operator.clear()
-    drive(
-        operator,
+    operator.insist(
+        "going",
         lambda: by_the_list(operator),
         lambda: bool(operator.state["going_ended"]["outcome"] == "arrived"),
         "the charging dock",
@@ -105,19 +104,6 @@ def tell(operator: Person, fingers: Fingers) -> None:
         return bool(operator.state.get("location"))
 
     operator.until(knows, "a robot that knows where it is")
-
-
-def drive(operator: Person, choose: Callable[[], None], until: Callable[[], bool], what: str) -> None:
-    """Send the robot until a condition is true; again if it refuses or stands: a busy computer's data come late."""
-
-    def there() -> bool:
-        if not until() and not operator.state.get("going"):
-            choose()
-            with suppress(AssertionError):
-                operator.until(lambda: operator.state.get("going"), "a drive", timeout_s=ANSWERS_S)
-        return until()
-
-    operator.until(there, what, timeout_s=DRIVES_S)
 
 
 def by_the_map(operator: Person, fingers: Fingers) -> None:
