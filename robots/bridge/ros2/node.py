@@ -34,7 +34,7 @@ from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
-from robots.bridge.ros2.network.survey import Listeners, is_there, problems
+from robots.bridge.ros2.network.survey import Listeners, Problems, is_there
 from robots.bridge.ros2.participant import Participant, Rests
 from robots.bridge.ros2.qos import DRIVE
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
@@ -95,6 +95,7 @@ class RosBase:
         self.graph: Graph
         self.followed: FollowedTopics
         self._presence: Presence
+        self._misfits: Problems
         self._listeners: Listeners
         self._sensors: SensorTopics
         self._description: DescriptionTopic
@@ -223,6 +224,7 @@ class RosBase:
         self.graph = Graph(participant.node)
         self._listeners = Listeners(Graph(participant.node), config.topics.drive)
         self.parameters = NodeParameters(participant)
+        self._misfits = Problems(self.graph)
         self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", socket.gethostname())
         self.followed = FollowedTopics(participant, self.graph)
         self._description = DescriptionTopic(self.followed, f"{namespace}/robot_description")
@@ -288,7 +290,7 @@ class RosBase:
         self.parts.surveyed()
 
     def _problems(self, drive: str) -> list[str]:
-        found = problems(self.graph, drive)
+        found = self._misfits.of(drive)
         if self._tf is not None and self._tf.frames.is_full:
             found.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
         return found

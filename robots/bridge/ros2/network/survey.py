@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 FOUND_S = 4.0  # until a robot that is there has been found, also by a busy computer
 QUIET_S = 0.3  # without anything new in the domain: then all has been found
 FIND_S = 0.02  # between two looks for it
+GONE_S = 25.0  # by which a process that was killed has left the domain
 LOOK_S, SOON_S = 1.0, 0.03  # between two looks at listeners whose number stays; changes
 
 
@@ -49,16 +50,28 @@ def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
     return bool(_others(graph.publishers(topics.odometry.name)) or _others(graph.subscribers(drive)))
 
 
-def problems(graph: Graph, drive: str) -> list[str]:
-    """Return a sentence for each listener that asks for more than the console offers, and for a second bridge."""
-    words = "{node} gets nothing on {topic}: it asks for {policy} {asked}, the console offers {offered}."
-    found: list[str] = [
-        say(words, node=one.node, topic=drive, policy=one.policy, asked=one.asked, offered=one.offered)
-        for one in refused(DRIVE, _others(graph.subscribers(drive)))
-    ]
-    if [node_name(one) for one in graph.publishers(drive)].count(BRIDGE) > 1:
-        found.append(say("The bridge of another console publishes to {topic}, too: stop it.", topic=drive))
-    return found
+class Problems:
+    """What of the domain does not fit the console."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._alone_s = time.monotonic()  # when no other bridge published velocities
+
+    def of(self, drive: str) -> list[str]:
+        """Return a sentence for each listener that asks for more than the console offers, and for a second bridge."""
+        words = "{node} gets nothing on {topic}: it asks for {policy} {asked}, the console offers {offered}."
+        found: list[str] = [
+            say(words, node=one.node, topic=drive, policy=one.policy, asked=one.asked, offered=one.offered)
+            for one in refused(DRIVE, _others(self._graph.subscribers(drive)))
+        ]
+        now_s = time.monotonic()
+        if [node_name(one) for one in self._graph.publishers(drive)].count(BRIDGE) < 2:
+            self._alone_s = now_s
+        if now_s - self._alone_s > GONE_S:
+            found.append(
+                say("The bridge of another console publishes to {topic}, too: stop it.", topic=drive)
+            )
+        return found
 
 
 def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
