@@ -148,13 +148,18 @@ def offset(moment: datetime) -> str:
     return f"UTC{'-' if minutes < 0 else '+'}{hours}" + (f":{rest:02}" if rest else "")
 
 
+def _of_moment(shown: Callable[[Any], str]) -> Callable[[Any], str]:
+    """Return the format for moments, and for their texts in stored sentences."""
+    return lambda value: shown(datetime.fromisoformat(value) if isinstance(value, str) else value)
+
+
 FORMATS: Mapping[str, Callable[[Any], str]] = {
     "fine": fine,
     "age": age,
     "capital": capitalised,
     "bare": lambda text: text.rstrip("."),
     # Moments in the reader's zone
-    "clock": lambda moment: with_offset(f"{moment:%H:%M}", moment),
-    "day": lambda moment: f"{moment:%d %b %Y}",
-    "when": lambda moment: with_offset(f"{moment:%a %d %b %Y, %H:%M}", moment),
+    "clock": _of_moment(lambda moment: with_offset(f"{moment:%H:%M}", moment)),
+    "day": _of_moment(lambda moment: f"{moment:%d %b %Y}"),
+    "when": _of_moment(lambda moment: with_offset(f"{moment:%a %d %b %Y, %H:%M}", moment)),
 }

@@ -109,7 +109,12 @@ class AlertWatch:
         known = rules()
         self._without.know(known["database"])
         for alert in Alert.objects.filter(over_at=None).select_related("robot"):
-            _tell_due(alert, known[alert.kind], now)
+            try:
+                _tell_due(alert, known[alert.kind], now)
+            except (DatabaseError, AuditUnavailable):
+                raise
+            except Exception:  # a fault of one alert must not silence the others
+                log.exception("An alert of the kind %s cannot be told.", alert.kind)
         waiting = Alert.objects.filter(over_at__gt=now - OVER_WAITS, mails__gt=0, mailed_at=None)
         for alert in waiting.select_related("robot").order_by("over_at"):
             _mail(alert, known[alert.kind], "over", now)

@@ -269,6 +269,22 @@ def test_backup_disk_redis_and_certificate(settings: LazySettings, monkeypatch: 
     assert [one.subject for one in certificates()] == ["fleet.example"]
 
 
+def test_a_certificate_is_told_by_the_day_on_which_it_ends(watched: Watched) -> None:
+    ends = datetime(2026, 12, 5, tzinfo=UTC)
+    words = say("The certificate of {name} ends on {day:day}.", name="fleet.lab.example", day=ends)
+    watched.watch._checks[("certificate",)] = lambda: iter([Trouble("certificate", "fleet", words)])
+    assert watched.look(0) == ["The certificate of fleet.lab.example ends on 05 Dec 2026."]
+    assert watched.look(2) == ["TIAGo 1 is gone"]
+
+
+def test_an_alert_that_cannot_be_told_silences_no_other(watched: Watched) -> None:
+    now = {"began_at": NOW, "seen_at": NOW}
+    Alert.objects.create(kind="disk", subject="x", said=["{free:.1f} GB", {"free": "?"}], **now)
+    watched.watch._checks[("disk",)] = lambda: iter([Trouble("disk", "x", say("{free:.1f} GB", free="?"))])
+    watched.look(0)
+    assert watched.look(2) == ["TIAGo 1 is gone"]
+
+
 @pytest.mark.django_db
 def test_a_recording_that_waits_long_for_the_object_store_is_found(
     robot: Robot, settings: LazySettings
