@@ -96,6 +96,24 @@ def drivable(state: wire.State) -> bool:
     return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
 
 
+@contextmanager
+def renewing(renew: Callable[[], None], every_s: float = 0.2) -> Iterator[None]:
+    """Renew control from a thread, because answers and states come late on a busy computer."""
+    over = threading.Event()
+
+    def go_on() -> None:
+        while not over.wait(every_s):
+            renew()
+
+    thread = threading.Thread(target=go_on, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 class RobotProcess:
     """One of a robot's processes. It ends when its standard input closes: the supervisor has died."""
 
@@ -133,7 +151,7 @@ class BridgeProcess(RobotProcess):
         """Wait until the bridge listens, and open a link."""
         path = self.config.link.unix_path
         assert path is not None
-        until(lambda: _listens(path) or self.process.poll() is not None, f"a listener on {path}")
+        until(lambda: listens(path) or self.process.poll() is not None, f"a listener on {path}")
         return Hand(path)
 
     def recorded(self) -> list[str]:
@@ -201,7 +219,7 @@ def _fence_of(report: Any) -> int | None:
     return report.state.fence or 0 if isinstance(report, wire.Status) else None
 
 
-def _listens(path: str) -> bool:
+def listens(path: str) -> bool:
     """Return whether the socket accepts connections. Its file proves nothing: a killed bridge leaves the file."""
     with socket.socket(socket.AF_UNIX) as probe:
         return probe.connect_ex(path) == 0

@@ -7,6 +7,7 @@ master on a free port and at most one node; each robot runs in a separate proces
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
+from geometry_msgs.msg import Pose2D
+from nav_msgs.msg import Odometry
 
 from robots.bridge.ros.tasks.publishing import immediate_publisher
 from tests.forked import ForkedProgram
@@ -176,6 +179,22 @@ class RosClient:
             yield publisher
         finally:
             publisher.unregister()
+
+    @contextmanager
+    def at(self, pose: Pose2D) -> Iterator[None]:
+        """Place the simulated robot: the test before may have left it anywhere."""
+        with (
+            self.listen("/ground_truth/pose", Odometry) as truth,
+            self.speak("/ground_truth/teleport", Pose2D) as teleport,
+        ):
+            teleport.publish(pose)
+            truth.until(
+                lambda message: (
+                    math.hypot(message.pose.pose.position.x - pose.x, message.pose.pose.position.y - pose.y)
+                    < 0.01
+                )
+            )
+            yield
 
     def connected(self, *inboxes: Inbox) -> None:
         """Wait until each inbox has a publisher: messages sent before are lost."""

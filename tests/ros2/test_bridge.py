@@ -20,7 +20,7 @@ from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.configuration.watchdog_config import watchdog_config
 from tests.processes import until
-from tests.ros.bridge_support import Hand, drivable, tiago_config
+from tests.ros.bridge_support import Hand, drivable, listens, tiago_config
 from tests.ros.navigation.conftest import FAR, Traveller
 from tests.ros2.side import Side, needs_rclpy
 
@@ -90,9 +90,10 @@ def bridge(domain: int, config: BridgeConfig, tmp_path: Path):
 
 @pytest.fixture
 def hand(config: BridgeConfig, bridge: Side):
-    assert config.link.unix_path is not None
-    until(Path(config.link.unix_path).exists, "the bridge listens")
-    with closing(Hand(config.link.unix_path)) as hand:
+    path = config.link.unix_path
+    assert path is not None
+    until(lambda: listens(path), "the bridge listens")
+    with closing(Hand(path)) as hand:
         yield hand
 
 

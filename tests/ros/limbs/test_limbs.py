@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import pytest
 from msgspec import structs
 
@@ -12,6 +10,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, ArmSource, LimbSource, Topic
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.performing import numbers, perform
 
 FINGERS = ["gripper_left_finger_joint", "gripper_right_finger_joint"]
 TOPICS = {
@@ -37,7 +36,6 @@ COMMANDED = {
         TOPICS["gripper"], action="/gripper_controller/gripper_action", type=GRIPPER_COMMAND, effort_n=30.0
     )
 }
-_numbers = itertools.count(1)
 
 
 class Holder:
@@ -47,7 +45,7 @@ class Holder:
         self.process, self.hand = process, hand
 
     def asks(self, limb: str, to_m: float) -> wire.Refusal | None:
-        return self.hand.ask(wire.MoveLimb(1, limb, to_m, next(_numbers)))
+        return self.hand.ask(wire.MoveLimb(1, limb, to_m, next(numbers)))
 
     def moves(self, limb: str, to_m: float) -> wire.LimbEnd:
         """Ask for a move, and wait until the move ends."""
@@ -110,12 +108,10 @@ def test_limbs_of_a_robot_without_an_arm_move(holder):
 
 
 def test_the_arm_must_be_at_home_for_the_torso(holder):
-    assert holder.hand.ask(wire.Play(1, "offer", next(_numbers))) is None
-    holder.until(lambda state: state.motion_ended, "the end of the motion")
+    assert perform(holder.hand, "offer").outcome == "succeeded"
     assert holder.asks("torso", 0.2).code == "arm_away"
     assert holder.moves("gripper", 0.05).outcome == "done"
-    assert holder.hand.ask(wire.Play(1, "home", next(_numbers))) is None
-    holder.until(lambda state: state.motion is None and state.motion_ended.name == "home", "the arm at home")
+    assert perform(holder.hand, "home").outcome == "succeeded"
     assert holder.moves("torso", 0.15).outcome == "done"
 
 
@@ -131,7 +127,7 @@ def test_a_controller_that_never_answers_is_given_up(holder, fault):
     end = holder.moves("gripper", 0.09 if holder.hand.state.limbs["gripper"].at_m < 0.05 else 0.0)
     assert end.outcome == "no_progress"  # the goal stays pending, and the fingers do not move
     # The base waits until the controller no longer reports the goal.
-    until(lambda: holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None, "a drive")
+    until(lambda: holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(numbers))) is None, "a drive")
 
 
 @pytest.mark.parametrize("holder", [COMMANDED], indirect=True)
@@ -146,7 +142,7 @@ def test_a_gripper_of_its_own_controller_moves_stalls_and_stops(holder, fault):
     end = holder.moves("gripper", near)
     assert (end.outcome, end.at_m) == ("stalled", pytest.approx(far, abs=THERE_M))
     assert "Perhaps it holds something" in end.text
-    assert holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None
+    assert holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(numbers))) is None
     holder.until(lambda state: state.drive_by_ended, "the end of the drive")
     fault("controllers_silent")
     assert holder.asks("gripper", near) is None

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -16,7 +14,7 @@ from nav_msgs.msg import Odometry
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
 from tests.processes import PATIENCE_S
-from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
+from tests.ros.bridge_support import WatchdogProcess, drivable, renewing, running_bridge, tiago_config
 
 NAVIGATION = NavigationSource(
     action="/move_base",
@@ -44,6 +42,9 @@ class Traveller:
 
     def renew(self) -> None:
         self.hand.send(wire.Grant(self.fence, CONTROL_S, f"session-{self.fence}", "Ann", "ann", 1.0))
+
+    def renewing(self) -> AbstractContextManager[None]:
+        return renewing(self.renew, RENEW_S)
 
     def refused(self, x: float, y: float, heading: float = 0.0) -> wire.Refusal | None:
         self.renew()
@@ -83,23 +84,6 @@ class Traveller:
         """Renew control until `condition` is true for a state; return that state."""
         with self.renewing():
             return self.hand.state_until(condition, what)
-
-    @contextmanager
-    def renewing(self) -> Iterator[None]:
-        """Renew control from a thread, because answers and states come late on a busy computer."""
-        over = threading.Event()
-
-        def renew() -> None:
-            while not over.wait(RENEW_S):
-                self.renew()
-
-        thread = threading.Thread(target=renew, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            over.set()
-            thread.join()
 
     def drives(self) -> wire.State:
         """Renew control until navigation drives the base."""

@@ -23,6 +23,7 @@ ALLOWED = (
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
     Allowed("choose", "/third_play", PLAY, "motions"),
+    Allowed("choose", "/no_play", PLAY, "motions"),
 )
 WAIT = {"no_listener", "base_moving"}
 _numbers = itertools.count(1)
@@ -119,8 +120,8 @@ def test_a_vanished_chosen_topic_is_reported_and_recorded(ros, talk):
 def test_a_choice_that_the_robot_lacks_is_refused(hand):
     refused = hand.ask(wire.Choose(1, "motions", "/nowhere", seq=next(_numbers)))
     assert refused.code == "not_allowed"
-    refused = hand.ask(wire.Choose(1, "motions", "/second_play", seq=next(_numbers)))
-    assert refused.text == "No node on the robot subscribes to /second_play/goal."
+    refused = hand.ask(wire.Choose(1, "motions", "/no_play", seq=next(_numbers)))
+    assert refused.text == "No node on the robot subscribes to /no_play/goal."
 
 
 def test_a_text_goes_to_the_chosen_voice_until_it_vanishes(ros, hand):
@@ -147,7 +148,7 @@ def test_motions_are_in_the_robots_words_of_the_chosen_action(ros, hand):
     offered = offers(hand, lambda offers: offers.motions)
     wave = next(offer for offer in offered.motions if offer.name == "wave")
     assert (wave.title, wave.usage, wave.duration_s) == ("Wave", "demo", 5.5)
-    chooseable = {"/second_play": "operator", "/third_play": "operator"}
+    chooseable = dict.fromkeys(("/second_play", "/third_play", "/no_play"), "operator")
     assert offered.uses["motions"] == wire.UseOffer("/play_motion", PLAY, chooseable)
     assert offered.languages == ["en-GB"]
     with ros.listen("/second_play/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):

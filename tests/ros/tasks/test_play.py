@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import signal
 import time
@@ -12,7 +11,6 @@ import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Pose2D
-from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 from robots.shared import wire
@@ -20,15 +18,13 @@ from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.performing import ask, asked, end_of, numbers, perform, play
 from tests.ros.support import SimulatorProcess
 from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
 FAR_FROM_WALL = Pose2D(7.6, 1.0, -math.pi / 2.0)  # farther than `reach_m`, within reach of `reach_max`
-PASSING = {"base_moving", "not_watched", "motion_running"}  # late data; a killed bridge's motion
-TRIES = 20  # of motions that late scans interrupt on a busy machine
-_numbers = itertools.count(1)
 FAR_AWAY, BEFORE_THE_ROBOT = "person 8.8 1.0", "person 4.5 2.2"
 
 
@@ -54,71 +50,8 @@ def bridge(master, folder):
         yield hand, process
 
 
-@contextmanager
-def at(ros, pose):
-    """Place the robot."""
-    with (
-        ros.listen("/ground_truth/pose", Odometry) as truth,
-        ros.speak("/ground_truth/teleport", Pose2D) as teleport,
-    ):
-        teleport.publish(pose)
-        truth.until(
-            lambda message: (
-                math.hypot(message.pose.pose.position.x - pose.x, message.pose.pose.position.y - pose.y)
-                < 0.01
-            )
-        )
-        yield
-
-
-def asked(hand, motion):
-    """Send Play; return its refusal, None if accepted."""
-    return hand.ask(wire.Play(1, motion, next(_numbers)))
-
-
-def ask(hand, motion):
-    """Send Play, again while the cause of its refusal may pass; return its refusal, None if accepted."""
-
-    def answered():
-        refusal = asked(hand, motion)
-        if refusal is None or refusal.code not in PASSING:
-            return (refusal,)
-        hand.news()
-        return None
-
-    return until(answered, f"an answer to {motion} that lasts")[0]
-
-
-def last_end(state):
-    """Return the number of the last reported end of a motion, 0 without one."""
-    return state.motion_ended.number if state.motion_ended else 0
-
-
-def play(hand, motion):
-    """Start a motion; return the first state in which it runs."""
-    assert ask(hand, motion) is None
-    return hand.state_until(lambda state: state.motion and state.motion.name == motion, f"{motion} under way")
-
-
-def end_of(hand, begun):
-    """Wait for the end of the motion that runs in this state."""
-    state = hand.state_until(lambda state: last_end(state) > last_end(begun), "the end")
-    return state.motion_ended
-
-
-def perform(hand, motion, meanwhile=lambda: None):
-    """Perform a motion to its end; repeat it if late laser data interrupts it. Call `meanwhile` at each start."""
-    for _ in range(TRIES):
-        begun = play(hand, motion)
-        meanwhile()
-        ended = end_of(hand, begun)
-        if ended.outcome != "not_watched":
-            return ended
-    raise AssertionError(ended)
-
-
 def test_with_space_it_is_performed_and_its_end_recorded(ros, rosmaster, tmp_path):
-    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
+    with ros.at(IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
 
         def push():
             hand.stick(0.5)
@@ -137,7 +70,7 @@ def test_with_space_it_is_performed_and_its_end_recorded(ros, rosmaster, tmp_pat
 
 
 def test_before_a_wall_it_is_refused_with_figures(ros, rosmaster, tmp_path):
-    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
+    with ros.at(BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         refusal = ask(hand, "offer")
         assert refusal.code == "motion_blocked", refusal
         assert 0.3 < refusal.figures["distance_m"] < 0.6
@@ -147,7 +80,7 @@ def test_before_a_wall_it_is_refused_with_figures(ros, rosmaster, tmp_path):
 
 
 def test_without_joint_states_it_is_refused(ros, rosmaster, tmp_path, fault):
-    with at(ros, FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, _):
+    with ros.at(FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, _):
         refusal = ask(hand, "reach_max")
         assert refusal.code == "motion_blocked", refusal
         fault("joints_dead")
@@ -160,10 +93,10 @@ def test_without_joint_states_it_is_refused(ros, rosmaster, tmp_path, fault):
 
 
 def test_a_starved_bridge_accepts_no_motion_before_a_wall(ros, rosmaster, tmp_path):
-    with at(ros, FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, process):
+    with ros.at(FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         for _ in range(4):
             process.process.send_signal(signal.SIGSTOP)
-            hand.send(wire.Play(1, "reach_max", number := next(_numbers)))
+            hand.send(wire.Play(1, "reach_max", number := next(numbers)))
             time.sleep(1.2)  # longer than any sensor may be silent
             process.process.send_signal(signal.SIGCONT)
             answer = hand.until(
@@ -178,7 +111,7 @@ def test_a_starved_bridge_accepts_no_motion_before_a_wall(ros, rosmaster, tmp_pa
 
 def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
     with (
-        at(ros, IN_THE_OPEN),
+        ros.at(IN_THE_OPEN),
         bridge(rosmaster, tmp_path) as (hand, process),
         ros.speak("/ground_truth/person", String) as person,
     ):
@@ -191,7 +124,7 @@ def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
 
 
 def test_people_with_the_right_cancel_it_by_its_goal(ros, rosmaster, tmp_path):
-    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
+    with ros.at(IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
         begun = play(hand, "inspect_surroundings")
         hand.send(wire.LinkCancel("motion", "Sue", seq=3))
         hand.until(lambda report: report == wire.Accepted("link_cancel", 3), "an answer")
@@ -202,7 +135,7 @@ def test_people_with_the_right_cancel_it_by_its_goal(ros, rosmaster, tmp_path):
 
 def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_path):
     result = message_class("play_motion_msgs/PlayMotionActionResult")
-    with at(ros, IN_THE_OPEN), ros.listen("/play_motion/result", result) as results:
+    with ros.at(IN_THE_OPEN), ros.listen("/play_motion/result", result) as results:
         ros.connected(results)
         with bridge(rosmaster, tmp_path) as (hand, first):
             play(hand, "inspect_surroundings")
@@ -214,7 +147,7 @@ def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_pat
 
 def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
     opens, reaches_out = (rospy.get_param(f"/play_motion/motions/{name}") for name in ("open", "offer"))
-    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
+    with ros.at(BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         rospy.set_param("/play_motion/motions/open", {**reaches_out, "meta": {"name": "Anew"}})
         try:
             reports = {}  # in either order
@@ -290,7 +223,7 @@ def test_a_motion_in_the_first_second_online_is_accepted(rosmaster, robot, tmp_p
                 again.wait_ready()  # until then, no node subscribes to motions
                 assert ask(hand, "home") is None
                 until(lambda: hand.state.motion, "a motion")
-                hand.send(wire.LinkCancel("motion", "Sue", seq=next(_numbers)))
+                hand.send(wire.LinkCancel("motion", "Sue", seq=next(numbers)))
                 until(lambda: hand.state.motion is None, "the end")
             finally:
                 again.stop()
