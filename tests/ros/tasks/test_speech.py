@@ -174,6 +174,7 @@ class TestPalsVoice:
         assert "lang_id" in ended.text
         until(lambda: records()[-1] == "speech.end failed", "its end on record")
 
+    @pytest.mark.last  # the robot stays stopped
     def test_the_stop_silences_it(self, voice, talk):
         hand, _ = talk
         said = word_of(hand, f"alto {LONG}")
