@@ -71,9 +71,7 @@ def turn(hand: Hand) -> None:
     hand.state_until(turns, "the robot to turn")
 
 
-def test_a_stop_is_latched_and_cleared_in_watchdog_and_bridge(
-    hand: Hand, watchdog: WatchdogProcess, zeros: Zeros
-) -> None:
+def press_and_clear(hand: Hand, watchdog: WatchdogProcess, zeros: Zeros) -> None:
     answer = watchdog.press("Ann", "smoke")
     assert answer == wire.Stopped(wire.StopState("stopping", "Ann", "smoke"), 7)
     stop = hand.state_until(lambda state: state.stop.state == "stopped", "the latch").stop
@@ -82,6 +80,12 @@ def test_a_stop_is_latched_and_cleared_in_watchdog_and_bridge(
     hand.send(wire.LinkClear("Ann", stop.number, 8))
     hand.state_until(lambda state: state.stop.state == "clear", "the clear")
     zeros.end()
+
+
+def test_a_stop_is_latched_and_cleared_in_watchdog_and_bridge(
+    hand: Hand, watchdog: WatchdogProcess, zeros: Zeros
+) -> None:
+    press_and_clear(hand, watchdog, zeros)
     turn(hand)
 
 
@@ -176,6 +180,8 @@ def test_a_frozen_bridges_stop_is_confirmed_with_zeros(
 def test_a_robot_whose_bridge_falls_silent_gets_zeros(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros, ends: signal.Signals
 ) -> None:
+    # On a busy computer the watchdog finds the visitor seconds after the bridge has, and these zeros last one second
+    press_and_clear(hand, watchdog, zeros)
     turn(hand)
     bridge.process.send_signal(ends)
     try:
