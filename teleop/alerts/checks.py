@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -43,6 +43,9 @@ STORE_LEFT = timedelta(days=7)  # older ones are on computers that are gone
 CERTIFICATE_LEFT = timedelta(days=21)
 CONNECT_S = 3.0
 CERTIFICATES_S = 3600.0  # between two looks
+
+
+Times = tuple[datetime, datetime]  # begin and end
 
 
 class Trouble(NamedTuple):
@@ -174,21 +177,22 @@ class Certificates:
 
     def __init__(self) -> None:
         self._looked_s = float("-inf")
-        self._ends: dict[str, datetime] = {}
+        self._times: dict[str, Times] = {}
 
     def __call__(self) -> Iterator[Trouble]:
         """Return the certificates that end soon."""
         if time.monotonic() - self._looked_s > CERTIFICATES_S:
             self._looked_s = time.monotonic()
-            self._ends.update(_ends())  # one that cannot be read now ends as before
-        for name, ends in self._ends.items():
-            if ends - timezone.now() < CERTIFICATE_LEFT:
+            self._times.update(_times())  # one that cannot be read now ends as before
+        for name, (begins, ends) in self._times.items():
+            # Caddy's own authority signs for half a day, and it renews those when a third is left.
+            if ends - timezone.now() < min(CERTIFICATE_LEFT, (ends - begins) / 4):
                 words = say("The certificate of {name} ends on {day:day}.", name=name, day=ends)
                 yield Trouble("certificate", name[:200], words)
 
 
-def _ends() -> Iterator[tuple[str, datetime]]:
-    """Return when certificates end, without those that cannot be read: other checks say why nobody gets in."""
+def _times() -> Iterator[tuple[str, Times]]:
+    """Return when certificates begin and end, without those that cannot be read: other checks say why nobody gets in."""
     origin = urlsplit(settled_origin())
     if origin.scheme == "https" and origin.hostname:
         context = ssl.create_default_context()
@@ -199,12 +203,15 @@ def _ends() -> Iterator[tuple[str, datetime]]:
             socket.create_connection(address, CONNECT_S) as plain,
             context.wrap_socket(plain, server_hostname=origin.hostname) as secured,
         ):
-            yield origin.netloc, _end(secured.getpeercert(binary_form=True) or b"", der=True)
+            yield origin.netloc, _times_of(secured.getpeercert(binary_form=True) or b"", der=True)
     if settings.FLEET_LINK_CERT:
         with suppress(OSError, ValueError):
-            yield str(settings.FLEET_LINK_CERT), _end(Path(settings.FLEET_LINK_CERT).read_bytes(), der=False)
+            yield (
+                str(settings.FLEET_LINK_CERT),
+                _times_of(Path(settings.FLEET_LINK_CERT).read_bytes(), der=False),
+            )
 
 
-def _end(content: bytes, *, der: bool) -> datetime:
-    read = x509.load_der_x509_certificate if der else x509.load_pem_x509_certificate
-    return read(content).not_valid_after_utc.astimezone(UTC)
+def _times_of(content: bytes, *, der: bool) -> Times:
+    certificate = (x509.load_der_x509_certificate if der else x509.load_pem_x509_certificate)(content)
+    return certificate.not_valid_before_utc, certificate.not_valid_after_utc

@@ -260,12 +260,17 @@ def test_backup_disk_redis_and_certificate(settings: LazySettings, monkeypatch: 
     usage = type("Usage", (), {"free": 10**8, "total": 10**12})
     monkeypatch.setattr(checks.shutil, "disk_usage", lambda _path: usage)
     assert "0.1 GB are left" in next(checks.disk()).words
-    ends = {"fleet.example": timezone.now() + timedelta(days=5), "other": timezone.now() + timedelta(days=90)}
-    monkeypatch.setattr(checks, "_ends", lambda: ends.items())
+    now, day = timezone.now(), timedelta(days=1)
+    times = {
+        "fleet.example": (now - 60 * day, now + 5 * day),
+        "other": (now - 60 * day, now + 90 * day),
+        "short": (now - day / 4, now + day / 4),
+    }
+    monkeypatch.setattr(checks, "_times", lambda: times.items())
     certificates = checks.Certificates()
     assert [one.subject for one in certificates()] == ["fleet.example"]
     monkeypatch.setattr(checks, "CERTIFICATES_S", -1.0)
-    monkeypatch.setattr(checks, "_ends", lambda: ())  # nobody answers there now
+    monkeypatch.setattr(checks, "_times", lambda: ())  # nobody answers there now
     assert [one.subject for one in certificates()] == ["fleet.example"]
 
 
