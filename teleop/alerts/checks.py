@@ -192,7 +192,7 @@ class Certificates:
 
 
 def _times() -> Iterator[tuple[str, Times]]:
-    """Return when certificates begin and end, without those that cannot be read: other checks say why nobody gets in."""
+    """Return when certificates begin and end, without those that cannot be read: other checks say why."""
     origin = urlsplit(settled_origin())
     if origin.scheme == "https" and origin.hostname:
         context = ssl.create_default_context()
