@@ -31,12 +31,21 @@ TURN_LEAST_S = 0.2
 ARRIVED_S = 2.0  # this long after the holder's last turn, joint states give the position, not the last aim
 
 
+FAR_M = 1000.0  # a point at this distance lies in the same direction from the head and from the base
+
+
 class Aim(NamedTuple):
     """Joint positions (radians; positive: left, up) and the seconds for the way there."""
 
     pan: float
     tilt: float
     seconds: float
+
+    @property
+    def point(self) -> tuple[float, float, float]:
+        """A point in this direction, as seen from the base (m)."""
+        across = FAR_M * math.cos(self.tilt)
+        return across * math.cos(self.pan), across * math.sin(self.pan), FAR_M * math.sin(self.tilt)
 
 
 class Head:

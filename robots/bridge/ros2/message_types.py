@@ -9,17 +9,24 @@ from typing import Any
 from robots.shared.sentences import say
 
 
+FEEDBACK = "_FeedbackMessage"  # such as nav2_msgs/action/NavigateToPose_FeedbackMessage
+
+
 class TypeUnknown(Exception):
     """The package of a type is not on this computer, or has no such type: a sentence says so."""
 
 
 @cache
 def message_class(name: str) -> type[Any]:
-    """Return the class of a message type such as "geometry_msgs/msg/Twist"."""
+    """Return the class of a message type such as "geometry_msgs/msg/Twist", or of what an action tells of its goals."""
     package, _, kind = name.partition("/")
     folder, _, kind = kind.rpartition("/")
     try:
-        found: type[Any] = getattr(import_module(f"{package}.{folder or 'msg'}"), kind)
+        within = import_module(f"{package}.{folder or 'msg'}")
+        if folder == "action" and kind.endswith(FEEDBACK):
+            found: type[Any] = getattr(within, kind.removesuffix(FEEDBACK)).Impl.FeedbackMessage
+        else:
+            found = getattr(within, kind)
     except (ImportError, AttributeError) as error:
         raise TypeUnknown(say("No installed package has the type {type}.", type=name)) from error
     return found

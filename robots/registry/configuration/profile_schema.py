@@ -17,6 +17,7 @@ from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import (
     GRIPPER_COMMAND,
+    GRIPPER_COMMAND_2,
     TOPIC_TYPES,
     TRAJECTORY,
     TRAJECTORY_2,
@@ -47,6 +48,7 @@ _PICTURES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
 CAMERA_TYPES = {1: _PICTURES, 2: tuple(map(in_ros2, _PICTURES))}
 NAVIGATION_TYPES = {1: ("move_base_msgs/MoveBaseAction",), 2: ("nav2_msgs/action/NavigateToPose",)}
 LIMB_TYPES = {1: (TRAJECTORY,), 2: (TRAJECTORY_2,)}
+COMMANDS = {1: GRIPPER_COMMAND, 2: GRIPPER_COMMAND_2}
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 
@@ -270,11 +272,11 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
 
 def _limb_problems(limb: LimbSource, path: str, ros: RosVersion) -> Iterator[str]:
     yield from _name_problem(limb.action, f"{path}.action")
-    commands = (GRIPPER_COMMAND,) if path == "gripper" and ros == 1 else ()
+    commands = (COMMANDS[ros],) if path == "gripper" else ()
     yield from _kind_problem(path, limb.type, LIMB_TYPES[ros] + commands)
     force = f"{path}.effort_n"
-    if (limb.type == GRIPPER_COMMAND) != (limb.effort_n is not None):
-        yield say("{place}: belongs to the type {kind}, which needs it", place=force, kind=GRIPPER_COMMAND)
+    if limb.is_command != (limb.effort_n is not None):
+        yield say("{place}: belongs to the type {kind}, which needs it", place=force, kind=COMMANDS[ros])
     elif limb.effort_n is not None:
         yield from _outside(force, limb.effort_n, 0.0, 1000.0, "N")
     low, high = limb.range_m

@@ -77,10 +77,13 @@ class CameraSource(Struct, frozen=True):
     base_frame: str = "base_footprint"  # on the floor
 
 
+POINT_HEAD, POINT_HEAD_2 = "control_msgs/PointHeadAction", "control_msgs/action/PointHead"
+
+
 class HeadSource(Struct, frozen=True):
     """A head with two joints behind a joint trajectory controller (trajectory_msgs/JointTrajectory).
 
-    `point_head`: name of its action (control_msgs/PointHeadAction), which is used in place of the controller while a
+    `point_head`: name of its action (control_msgs/PointHead), which is used in place of the controller while a
     server listens to it. A stop cancels its goals.
     """
 
@@ -110,21 +113,27 @@ class ArmSource(Struct, frozen=True):
 
 TRAJECTORY, GRIPPER_COMMAND = "control_msgs/FollowJointTrajectoryAction", "control_msgs/GripperCommandAction"
 TRAJECTORY_2 = "control_msgs/action/FollowJointTrajectory"
+GRIPPER_COMMAND_2 = "control_msgs/action/GripperCommand"
 
 
 class LimbSource(Struct, frozen=True):
     """A limb that people move by one number: joints behind an action, all moved by the same amount.
 
     The number is the sum of the joints' positions: the distance of two fingers, or the height of a torso. It is also
-    the position that a goal of `GRIPPER_COMMAND` names.
+    the position that a goal of a gripper's own controller names (`is_command`).
     """
 
     action: str  # such as /gripper_controller/follow_joint_trajectory
     joints: list[str]  # `Topics.joint_states` gives their positions
     range_m: tuple[float, float]  # of each joint
     speed_mps: float  # of each joint
-    type: str = TRAJECTORY  # or, for a gripper, `GRIPPER_COMMAND`
+    type: str = TRAJECTORY  # or, for a gripper, `GRIPPER_COMMAND`; with ROS 2 the same in its words
     effort_n: float | None = None  # most effort of `GRIPPER_COMMAND`; the controller defines the meaning of 0
+
+    @property
+    def is_command(self) -> bool:
+        """Whether goals are those of a gripper's own controller: a position and an effort."""
+        return self.type in (GRIPPER_COMMAND, GRIPPER_COMMAND_2)
 
 
 class NavigationSource(Struct, frozen=True):

@@ -31,6 +31,7 @@ from robots.shared.wire.navigation import Go, GoCancel, GoEnd, GoProgress, SetPo
 
 # Prefix of ids of the goals that a bridge sends to the robot; the number of the record follows
 GOAL_PREFIX = "fleet_bridge-"
+GOAL_MARK = b"fleet\0"  # the same with ROS 2, whose ids are 16 bytes
 
 
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):

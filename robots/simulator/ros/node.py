@@ -5,13 +5,14 @@ from __future__ import annotations
 import rospy
 
 from robots.simulator.actions.controllers import CONTROLLERS, TrajectoryController
+from robots.simulator.actions.gripper import GripperAction
+from robots.simulator.actions.head import HeadServer
 from robots.simulator.joints.looks import description
 from robots.simulator.node import CameraOptions, Duty, SimulatorNode
 from robots.simulator.physics.mux import TIAGO_INPUTS
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions.controllers import ControllerState
-from robots.simulator.ros.actions.gripper import GripperAction, GripperServer
-from robots.simulator.ros.actions.head import HeadServer
+from robots.simulator.ros.actions.gripper import GripperServer
 from robots.simulator.ros.actions.motions import PlayMotionServer
 from robots.simulator.ros.actions.move_base import MoveBaseServer
 from robots.simulator.ros.actions.speech import TtsServer
@@ -45,7 +46,7 @@ def _add_upper_body(node: SimulatorNode, ros: RospySide, robot: Robot) -> None:
         TtsServer(ros).step,
         PlayMotionServer(ros, robot).step,
         GripperServer(ros, robot).step,
-        GripperAction(ros, robot).step,
+        GripperAction(ros, robot, "/gripper_controller/gripper_action").step,
     )
     for index, name in enumerate(CONTROLLERS):
         node.serve(TrajectoryController(ros, robot, name, f"/{name}/command").step)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from robots.simulator.actions.controllers import CONTROLLERS, TrajectoryController
+from robots.simulator.actions.gripper import GripperAction
+from robots.simulator.actions.head import HeadServer
 from robots.simulator.joints.looks import description
-from robots.simulator.node import CameraOptions, SimulatorNode
+from robots.simulator.node import CameraOptions, Duty, SimulatorNode
 from robots.simulator.physics.mux import TIAGO_INPUTS_ROS2
 from robots.simulator.robot import Robot
 from robots.simulator.ros2.motions import PlayMotion2Server
@@ -32,6 +34,9 @@ def simulator_node(ros: RclpySide, robot: Robot, name: str, cameras: CameraOptio
         for controller in CONTROLLERS:
             topic = f"/{controller}/joint_trajectory"
             node.serve(TrajectoryController(ros, robot, controller, topic).step)
+        head = HeadServer(ros, robot)
+        node.serve(head.take_goals, GripperAction(ros, robot, "/gripper_controller/gripper_cmd").step)
+        node.add(Duty(10, 4, head.publish))
     node.add_cameras(cameras)
     node.add_laser()
     return node

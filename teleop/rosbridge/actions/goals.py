@@ -14,7 +14,7 @@ from robots.shared.wire import NotDone, Refusal, State, TaskRequest
 from teleop.background.jobs import run_in_background
 from teleop.rosbridge.actions.ends import ABORTED, ACTIVE, PENDING, REJECTED, SUCCEEDED, End, Seen, end_of
 from teleop.rosbridge.actions.reports import Reports
-from teleop.rosbridge.actions.translation import RobotAction
+from teleop.rosbridge.actions.translation import FEEDBACK, RESULT, RobotAction
 from teleop.rosbridge.family import Client
 
 MOST_GOALS = 20  # of one client at once
@@ -81,7 +81,7 @@ class Goals(Listener):
                 raise NotDone(_TOO_MANY)
             make = goal.action.task(given)
             if goal.action.reports:
-                await self._reports.listen(goal.name)
+                await self._reports.listen(goal.name, goal.action.reports)
             await self._client.request(lambda fence, seq: self._requested(goal, make(fence, seq)))
         except NotDone as refused:
             self._forget(goal)
@@ -132,9 +132,11 @@ class Goals(Listener):
 
     async def _tell_end(self, goal: Goal, end: End) -> None:
         """Tell the end with the robot's result, which comes another way."""
-        if end.status == SUCCEEDED and goal.action.reports:
+        if end.status == SUCCEEDED and RESULT in goal.action.reports:
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(goal.answered.wait(), RESULT_S)
+        elif end.status == SUCCEEDED:
+            goal.result = goal.action.succeeded
         self._forget(goal)
         await goal.told(goal, end)
 
@@ -145,7 +147,7 @@ class Goals(Listener):
         goal = next(iter(active or [goal for goal in waiting if goal.status == SUCCEEDED]), None)
         if goal is None:
             return
-        if part == "feedback":
+        if part == FEEDBACK:
             await goal.feedback(goal, fields)
         else:
             goal.result = fields

@@ -7,7 +7,8 @@ the newest goal of this client for the action is the one that is meant.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import base64
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -15,11 +16,11 @@ import msgspec
 from msgspec import Struct
 
 from robots.link.tap_link import STARTING
-from robots.shared.wire import GOAL_PREFIX, Form, TapState
+from robots.shared.wire import GOAL_MARK, GOAL_PREFIX, Form, TapState
+from teleop.rosbridge.actions.translation import FEEDBACK
 from teleop.rosbridge.family import Client
 from teleop.tap.feed import TapMessage, TapReader, feed_of
 
-PARTS = ("feedback", "result")
 QUEUE = 20  # messages of a part that may wait
 READY_S = 2.0  # the longest wait for the tap before the first goal of an action
 
@@ -34,14 +35,27 @@ class _Status(Struct):
     goal_id: _GoalId
 
 
-class _Report(Struct):
-    """An action's feedback or result."""
+class _Uuid(Struct):
+    uuid: str = ""  # base64
 
-    status: _Status
+
+class _Report(Struct):
+    """An action's feedback or result; with ROS 2 only feedback, by `goal_id`."""
+
+    status: _Status | None = None
+    goal_id: _Uuid = _Uuid()
     feedback: dict[str, Any] = {}
     result: dict[str, Any] = {}
 
+    @property
+    def is_ours(self) -> bool:
+        """Return whether a bridge has sent the goal."""
+        if self.status is None:
+            return self.goal_id.uuid.startswith(_MARK)
+        return self.status.goal_id.id.startswith(GOAL_PREFIX)
 
+
+_MARK = base64.b64encode(GOAL_MARK).decode()  # its length is a multiple of three
 _decode = msgspec.json.Decoder(_Report).decode
 
 
@@ -53,18 +67,20 @@ class Reports:
         self._heard = heard
         self._reader: TapReader | None = None
         self._described: dict[str, asyncio.Event] = {}  # by topic: its publisher has answered
+        self._actions: dict[str, str] = {}  # by topic
 
-    async def listen(self, action: str) -> None:
-        """Read an action from now on; return when its server has answered, or after `READY_S`."""
+    async def listen(self, action: str, parts: Sequence[str]) -> None:
+        """Read these topics of an action from now on; return when its server has answered, or after `READY_S`."""
         link = self._client.hub.link
         if self._reader is None or self._reader.feed.link is not link:
             self.leave()
             self._reader = TapReader(feed_of(link), self._deliver, self._state, lambda: False)
-        for topic in (f"{action}/{part}" for part in PARTS):
+        topics = [f"{action}/{part}" for part in parts]
+        for topic in topics:
             if topic not in self._described:
-                self._described[topic] = asyncio.Event()
+                self._described[topic], self._actions[topic] = asyncio.Event(), action
                 self._reader.read(topic, "json", queue=QUEUE)
-        described = (self._described[f"{action}/{part}"].wait() for part in PARTS)
+        described = (self._described[topic].wait() for topic in topics)
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(asyncio.gather(*described), READY_S)
 
@@ -73,6 +89,7 @@ class Reports:
         if self._reader is not None:
             self._reader.leave()
         self._described.clear()
+        self._actions.clear()
 
     def _state(self, state: TapState) -> None:
         answered = state.type or state.refusal not in (None, STARTING)
@@ -84,6 +101,6 @@ class Reports:
             report = _decode(message.body)
         except msgspec.DecodeError:
             return
-        if report.status.goal_id.id.startswith(GOAL_PREFIX):
-            action, _, part = topic.rpartition("/")
-            await self._heard(action, part, report.feedback if part == "feedback" else report.result)
+        action, part = self._actions.get(topic), topic.rpartition("/")[2]
+        if report.is_ours and action is not None:
+            await self._heard(action, part, report.feedback if part == FEEDBACK else report.result)

@@ -1,13 +1,13 @@
 """Goals of the robot's actions as tasks of the chain. Pure.
 
-A goal has the fields of its ROS message. Fields that a task does not have, such as the velocities of a trajectory, are
+A goal has the fields of its message in the robot's ROS. Fields that a task does not have, such as the velocities of a trajectory, are
 not read: the bridge decides how a limb gets to its place.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -15,10 +15,27 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, HeadSource, LimbSource, Topics
+from robots.shared.configuration.bridge_config import (
+    POINT_HEAD,
+    POINT_HEAD_2,
+    TRAJECTORY,
+    TRAJECTORY_2,
+    HeadSource,
+    LimbSource,
+    Topic,
+    Topics,
+)
+from robots.shared.messages.type_names import is_ros2
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Limb, NotDone, Refusal, TaskRequest
 
+FEEDBACK, RESULT = "feedback", "result"
+FEEDBACK_2 = "_action/feedback"  # ROS 2 tells a result only to the node that sent the goal
+_SUCCEEDED = {
+    "play_motion2_msgs/action/PlayMotion2": {"success": True, "error": ""},
+    "tts_msgs/action/TTS": {"error_msg": ""},
+    TRAJECTORY_2: {"error_code": 0, "error_string": ""},
+}
 HEAD_HEIGHT_M = 1.1  # of a robot without depth camera: `DepthSource.height_m` is the head's top
 
 Make = Callable[[int, int], TaskRequest]  # a task by fence and number
@@ -30,7 +47,19 @@ class RobotAction(NamedTuple):
     type: str
     task: Callable[[Mapping[str, Any]], Make]
     cancel: Make
-    reports: bool = True  # the bridge sends the task to this action, which has feedback and result
+    is_sent: bool = True  # the bridge sends the task to this action, which has feedback and result
+
+    @property
+    def reports(self) -> Sequence[str]:
+        """Topics below the action's name by which everybody hears of its goals."""
+        if not self.is_sent:
+            return ()
+        return (FEEDBACK_2,) if is_ros2(self.type) else (FEEDBACK, RESULT)
+
+    @property
+    def succeeded(self) -> dict[str, Any]:
+        """The result of a goal that succeeded, as far as that is known without the robot's own."""
+        return dict(_SUCCEEDED.get(self.type, {}))
 
 
 class _Words(Struct):
@@ -40,6 +69,13 @@ class _Words(Struct):
 
 class _Tts(Struct):
     rawtext: _Words = msgspec.field(default_factory=_Words)
+
+
+class _Spoken(Struct):
+    """Fields of tts_msgs/action/TTS and of communication_skills/action/Say, which has no `locale`."""
+
+    input: str = ""
+    locale: str = ""
 
 
 class _PlayMotion(Struct):
@@ -75,6 +111,10 @@ class _MoveBase(Struct):
     target_pose: _Placed = msgspec.field(default_factory=_Placed)
 
 
+class _NavigateToPose(Struct):
+    pose: _Placed = msgspec.field(default_factory=_Placed)
+
+
 class _PointHead(Struct):
     target: _Placed = msgspec.field(default_factory=_Placed)
 
@@ -106,28 +146,33 @@ def actions_of(topics: Topics) -> dict[str, RobotAction]:
     if topics.motions:
         found[topics.motions.name] = RobotAction(topics.motions.type, _motion, wire.PlayCancel)
     if topics.speech and topics.speech.is_action:
-        language = topics.languages[0] if topics.languages else "en"
-        found[topics.speech.name] = RobotAction(
-            topics.speech.type, partial(_speech, language), wire.SayCancel
-        )
+        found[topics.speech.name] = _spoken(topics.speech, topics)
     if navigation := topics.navigation:
+        drive = _drive_2 if is_ros2(navigation.type) else _drive
         found[navigation.action] = RobotAction(
-            navigation.type, partial(_drive, navigation.frame), wire.GoCancel
+            navigation.type, partial(drive, navigation.frame), wire.GoCancel
         )
     for limb, source in topics.limbs.items():
-        task = _gripper if source.type == GRIPPER_COMMAND else _limb
+        task = _gripper if source.is_command else _limb
         cancel = partial(_limb_cancel, limb)
         found[source.action] = RobotAction(source.type, partial(task, limb, source), cancel)
     if head := topics.head:
         height_m = topics.depth.height_m if topics.depth else HEAD_HEIGHT_M
-        follow = f"{head.topic.removesuffix('/command')}/follow_joint_trajectory"
-        found[follow] = RobotAction(
-            "control_msgs/FollowJointTrajectoryAction", partial(_head, head), _head_stays, reports=False
+        in_2 = is_ros2(topics.drive.type)
+        controller = head.topic.removesuffix("/command").removesuffix("/joint_trajectory")
+        found[f"{controller}/follow_joint_trajectory"] = RobotAction(
+            TRAJECTORY_2 if in_2 else TRAJECTORY, partial(_head, head), _head_stays, is_sent=False
         )
         if head.point_head:
-            point = partial(_point_head, head, height_m)
-            found[head.point_head] = RobotAction("control_msgs/PointHeadAction", point, _head_stays)
+            kind, point = POINT_HEAD_2 if in_2 else POINT_HEAD, partial(_point_head, head, height_m)
+            found[head.point_head] = RobotAction(kind, point, _head_stays)
     return found
+
+
+def _spoken(action: Topic, topics: Topics) -> RobotAction:
+    language = topics.languages[0] if topics.languages else "en"
+    speech = _speech_2 if is_ros2(action.type) else _speech
+    return RobotAction(action.type, partial(speech, language), wire.SayCancel)
 
 
 def _motion(given: Mapping[str, Any]) -> Make:
@@ -137,14 +182,32 @@ def _motion(given: Mapping[str, Any]) -> Make:
 
 def _speech(default: str, given: Mapping[str, Any]) -> Make:
     words = _read(given, _Tts).rawtext
-    language = words.lang_id.replace("_", "-") or default
     if not words.text:
         raise _refused(say("The console speaks the words of rawtext; this goal has none."))
-    return _made(lambda fence, seq: wire.Say(fence, words.text, language, seq=seq))
+    return _said(words.text, words.lang_id, default)
+
+
+def _speech_2(default: str, given: Mapping[str, Any]) -> Make:
+    spoken = _read(given, _Spoken)
+    if not spoken.input:
+        raise _refused(say("The console speaks the words of input; this goal has none."))
+    return _said(spoken.input, spoken.locale, default)
+
+
+def _said(text: str, locale: str, default: str) -> Make:
+    language = locale.replace("_", "-") or default
+    return _made(lambda fence, seq: wire.Say(fence, text, language, seq=seq))
 
 
 def _drive(frame: str, given: Mapping[str, Any]) -> Make:
-    target = _read(given, _MoveBase).target_pose
+    return _driven(frame, _read(given, _MoveBase).target_pose)
+
+
+def _drive_2(frame: str, given: Mapping[str, Any]) -> Make:
+    return _driven(frame, _read(given, _NavigateToPose).pose)
+
+
+def _driven(frame: str, target: _Placed) -> Make:
     _require_frame(target.header.frame_id, frame)
     at, turned = target.pose.position, target.pose.orientation
     sine, cosine = 2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y**2 + turned.z**2)

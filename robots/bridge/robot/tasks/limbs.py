@@ -10,7 +10,7 @@ from robots.bridge.limbs.limb_move import LimbMove, LimbMover
 from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT, Mailboxes
 from robots.bridge.robot.interface import Node
 from robots.bridge.robot.parts import RobotPart
-from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource
+from robots.shared.configuration.bridge_config import LimbSource
 from robots.shared.texts import SENTENCE, cut
 from robots.shared.wire import Limb
 
@@ -49,12 +49,15 @@ class LimbReports:
         )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded."""
-        if self._source.type == GRIPPER_COMMAND:
-            said = text
+        """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded.
+
+        A rejected goal may have no result (None).
+        """
+        said = text
+        if self._source.is_command:
             if outcome in {"succeeded", "failed"} and result.stalled and not result.reached_goal:
                 outcome = "stalled"
-        else:
+        elif result is not None:
             said = text or cut(result.error_string, SENTENCE)
         self._mail.post(
             (self._source.action, "ended"),

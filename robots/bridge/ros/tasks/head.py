@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 from uuid import uuid4
 
@@ -21,10 +20,8 @@ from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.tasks.actions import ended
 from robots.bridge.ros.tasks.publishing import heard_by, publish
 from robots.bridge.tasks.goals import OURS
-from robots.shared.configuration.bridge_config import HeadSource
+from robots.shared.configuration.bridge_config import POINT_HEAD, HeadSource
 from robots.shared.ros.message_types.classes import message_class
-
-FAR_M = 1000.0  # a point at this distance lies in the same direction from the head and from the base
 
 
 class HeadTopics(HeadMover, RobotPart):
@@ -36,13 +33,13 @@ class HeadTopics(HeadMover, RobotPart):
         self._controller = rospy.Publisher(source.topic, JointTrajectory, queue_size=1)
         self._action: rospy.Publisher | None = None
         if source.point_head is not None:
-            self._goal_class = message_class("control_msgs/PointHeadActionGoal")
+            self._goal_class = message_class(f"{POINT_HEAD}Goal")
             self._action = rospy.Publisher(f"{source.point_head}/goal", self._goal_class, queue_size=1)
             # Only an action server publishes a status. A recorder listens to goals too, but moves no head.
             status = f"{source.point_head}/status"
             expect(status, "actionlib_msgs/GoalStatusArray")
             self._server = rospy.Subscriber(status, rospy.AnyMsg, lambda _status: None, queue_size=1)
-            result_class = message_class("control_msgs/PointHeadActionResult")
+            result_class = message_class(f"{POINT_HEAD}Result")
             rospy.Subscriber(f"{source.point_head}/result", result_class, self._on_result, queue_size=10)
 
     @classmethod
@@ -81,13 +78,12 @@ class HeadTopics(HeadMover, RobotPart):
     def _goal(self, aim: Aim, goal_id: str) -> object:
         """Return the goal that points the head's own axis (the action's default) in this direction."""
         now = rospy.Time.now()
-        across = FAR_M * math.cos(aim.tilt)
         goal = self._goal_class(goal_id=GoalID(stamp=now, id=goal_id))
         goal.header = Header(stamp=now)
         goal.goal.target = PointStamped(
             # Stamp 0: the newest transform. The base's own clock may be ahead.
             header=Header(frame_id=self._source.base_frame),
-            point=Point(across * math.cos(aim.pan), across * math.sin(aim.pan), FAR_M * math.sin(aim.tilt)),
+            point=Point(*aim.point),
         )
         goal.goal.min_duration = rospy.Duration.from_sec(aim.seconds)
         return goal

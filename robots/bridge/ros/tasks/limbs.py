@@ -13,7 +13,7 @@ from robots.bridge.robot.interface import Node
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.robot.tasks.limbs import LimbReports, Limbs
 from robots.bridge.ros.tasks.actions import ActionTopics, GoalListener
-from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
+from robots.shared.configuration.bridge_config import LimbSource, Topic
 
 
 class LimbsTopics(RobotPart):
@@ -36,7 +36,7 @@ class _LimbTopics(ActionTopics, GoalListener):
         message = self.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
-        if self._source.type == GRIPPER_COMMAND:
+        if self._source.is_command:
             command = message.goal.command
             command.position, command.max_effort = to_m, self._source.effort_n or 0.0
         else:

@@ -26,10 +26,10 @@ from robots.bridge.ros2.sensors.cdr import Cdr
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.texts import MOST_GOALS, MOST_NODES, most_of
+from robots.shared.wire import GOAL_MARK
 
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5  # action_msgs/msg/GoalStatus
 OUTCOMES = {SUCCEEDED: "succeeded", CANCELED: "cancelled"}  # others: "failed"
-MARK = b"fleet\0"  # begins the ids of all bridges' goals: a bridge knows those of the one before it
 ID_BYTES = 16
 REPEAT_S = 0.5  # servers tell a status once, when it changes; who waits for a goal counts on word of it
 
@@ -94,7 +94,7 @@ class ActionEnds:
 
     def send(self, goal_id: str, goal: Any) -> None:
         """Send a goal with this id of ours."""
-        wired = MARK + os.urandom(ID_BYTES - len(MARK))
+        wired = GOAL_MARK + os.urandom(ID_BYTES - len(GOAL_MARK))
         self._sent[wired] = goal_id
         while len(self._sent) > MOST_GOALS:
             self._sent.popitem(last=False)
@@ -182,7 +182,7 @@ class ActionEnds:
 
     def _named(self, wired: bytes) -> str:
         """Return the name of a goal: those of earlier bridges count as ours."""
-        ours = f"{OURS}earlier-" if wired.startswith(MARK) else ""
+        ours = f"{OURS}earlier-" if wired.startswith(GOAL_MARK) else ""
         return self._sent.get(wired) or f"{ours}{wired.hex()}"
 
 

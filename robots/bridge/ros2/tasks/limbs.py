@@ -11,7 +11,6 @@ from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.tasks.actions import EXECUTING, ActionEnds, GoalListener, joined
 from robots.bridge.ros2.tasks.trajectories import trajectory
 from robots.shared.configuration.bridge_config import LimbSource, Topic
-from robots.shared.texts import SENTENCE, cut
 
 
 class LimbsEnds(RobotPart):
@@ -26,16 +25,20 @@ class LimbsEnds(RobotPart):
 
 
 class _Limb(ActionEnds, GoalListener):
-    """control_msgs/action/FollowJointTrajectory of one limb."""
+    """The action of one limb: control_msgs/action/FollowJointTrajectory, or GripperCommand."""
 
     def __init__(self, participant: Participant, source: LimbSource, reports: LimbReports) -> None:
         self._source, self._reports = source, reports
         super().__init__(participant, Topic(source.action, source.type), self)
 
     def move(self, goal_id: str, to_m: float, seconds: float) -> None:
-        joints = self._source.joints
-        way = trajectory(dict.fromkeys(joints, to_m / len(joints)), seconds)
-        self.send(goal_id, self.goal_class(trajectory=way))
+        goal = self.goal_class()
+        if self._source.is_command:
+            goal.command.position, goal.command.max_effort = float(to_m), self._source.effort_n or 0.0
+        else:
+            joints = self._source.joints
+            goal.trajectory = trajectory(dict.fromkeys(joints, to_m / len(joints)), seconds)
+        self.send(goal_id, goal)
 
     # --- on the executor's thread (actions.GoalListener) -------------------------------------------------
 
@@ -43,5 +46,4 @@ class _Limb(ActionEnds, GoalListener):
         self._reports.running({goal_id: status == EXECUTING for goal_id, status in goals.items()})
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        said = cut(result.error_string, SENTENCE) if result else text
-        self._reports.ended(goal_id, outcome, said or text, result)
+        self._reports.ended(goal_id, outcome, text, result)

@@ -1,4 +1,4 @@
-"""The gripper's own interfaces: both fingers are one joint, whose position is their distance."""
+"""The gripper's topic and services: both fingers are one joint, whose position is their distance."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import rospy
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from robots.simulator.actions.controllers import points_of
-from robots.simulator.actions.run_server import RunServer
 from robots.simulator.joints.joint_table import JOINTS
 from robots.simulator.joints.motions import Phase, Point, RefusedError, Run
-from robots.simulator.joints.trajectories import GOAL_TOLERANCE, check, joints_of
+from robots.simulator.joints.trajectories import check, joints_of
 from robots.simulator.robot import Robot
-from robots.simulator.ros_side import Goal, RosSide
+from robots.simulator.ros_side import RosSide
 
 log = logging.getLogger(__name__)
 
@@ -88,36 +87,3 @@ class GripperServer:
         if not done.wait(_PATIENCE_S):
             raise rospy.ServiceException("the fingers did not come to rest")
         return EmptyResponse()
-
-
-class GripperAction(RunServer):
-    """`gripper_controller/gripper_action` (GripperCommand). Fingers that miss the goal have stalled."""
-
-    def __init__(self, ros: RosSide, robot: Robot) -> None:
-        goals = ros.goals("/gripper_controller/gripper_action", "control_msgs/GripperCommand")
-        super().__init__(robot.player, goals)
-        self._robot = robot
-
-    def step(self, now: float) -> None:
-        """Take new goals and cancels, then report whether the goal ended."""
-        if not self._robot.faults.controllers_silent:
-            self.take_goals(now)
-
-    def _begin(self, goal: Goal, now: float) -> None:
-        gap_m = goal.request.command.position
-        points = [Point([gap_m / len(_FINGERS)] * len(_FINGERS), 0.0)]
-        try:
-            check("gripper_controller", _FINGERS, points)
-        except RefusedError as refused:
-            goal.reject(str(refused))
-            return
-        self._accept(goal, self._player.follow(_FINGERS, points, now), gap_m)
-
-    def _end(self, goal: Goal, run: Run, aim: float) -> None:
-        gap_m = sum(self._player.positions[finger] for finger in _FINGERS)
-        if run.phase is not Phase.DONE:
-            goal.cancel(run.phase.value, position=gap_m)
-        elif abs(gap_m - aim) > GOAL_TOLERANCE:
-            goal.abort("", position=gap_m, stalled=True)
-        else:
-            goal.succeed(position=gap_m, reached_goal=True)
