@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
 
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
@@ -56,8 +57,9 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     yield _clock(config, findings)
     if isinstance(config.ros, Ros2):
         yield from domain_checks(findings)
-    for listened, topic in zip(listened_of(config), findings.topics, strict=True):
-        yield _topic(listened, topic)
+    heard = zip(listened_of(config), findings.topics, strict=True)
+    for _what, entries in groupby(heard, lambda entry: entry[0].what):
+        yield _entry(list(entries))
     if findings.description is not None:
         if config.topics.arm:
             yield _arm(findings.description)
@@ -145,6 +147,21 @@ def _clock(config: BridgeConfig, findings: Findings) -> Check:
         "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
     )
     return Check(name, WARN, text, advice)
+
+
+def _entry(entries: list[tuple[Listened, TopicFound]]) -> Check:
+    """Return the result for one entry of the profile: for its own name, else for the one that the robot has instead."""
+    own, found = entries[0]
+    there = [entry for entry in entries if entry[1].publishers]
+    if found.publishers or not there:
+        return _topic(own, found)
+    others = listed([listened.topic.removesuffix(GOALS) for listened, _found in there])
+    names = {"topic": own.topic.removesuffix(GOALS), "others": others}
+    if len(there) > 1:
+        text = _("The robot has no %(topic)s, but %(others)s.") % names
+        return Check(_named(own.what), WARN, text, _("Enter one of them in the robot’s profile."))
+    check, instead = _topic(*there[0]), _("It takes the place of %(topic)s.") % names
+    return structs.replace(check, text=" ".join([check.text, instead]))
 
 
 def _topic(listened: Listened, found: TopicFound) -> Check:
@@ -277,7 +294,8 @@ def _arm(found: DescriptionFound) -> Check:
 
 
 def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
-    name, drive = _("drive"), config.topics.drive
+    name, entered = _("drive"), config.topics.drive
+    drive = structs.replace(entered, type=found.takes or entered.type)
     words = {"topic": drive.name, "type": drive.type}
     if fault := _unheard(name, drive, found):
         understood = found.subscribers and found.type in (None, "*", drive.type)
@@ -291,6 +309,9 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
         )
     else:
         text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": listed(found.subscribers)}
+        if drive.type != entered.type:
+            followed = _("The profile has %s: the console follows the robot.") % entered.type
+            text = " ".join([text, followed])
         yield Check(name, OK, text)
     own = {BRIDGE, watchdog_name(config.robot_id)}
     bridges = found.publishers.count(BRIDGE)

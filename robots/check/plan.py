@@ -65,7 +65,7 @@ def _actions_2(topics: Topics) -> Iterator[Listened]:
     actions |= {limb: Topic(source.action, source.type) for limb, source in topics.limbs.items()}
     if source := topics.navigation:
         actions["navigation"] = Topic(source.action, source.type)
-    for what, action in actions.items():
+    for what, action in ((what, one) for what, topic in actions.items() for one in (topic, *topic.others)):
         if action.is_action:
             yield Listened(what, action.name + GOALS, action.type + FEEDBACK, stamped=False)
 

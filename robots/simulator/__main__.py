@@ -52,6 +52,9 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--ros", type=int, choices=(1, 2), default=1, help="version of the robot's ROS")
     parser.add_argument("--namespace", default="/", help="of the robot's nodes and topics, with ROS 2")
+    parser.add_argument(
+        "--later", action="store_true", help="with ROS 2: later software, with /say and stamps on velocities"
+    )
     parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
     return parser.parse_args()
 
@@ -77,7 +80,7 @@ def main() -> None:
     if asked.ros == 2:
         from robots.simulator.ros2 import process as ros2
 
-        ros2.run(robot, asked.name, cameras, asked.exit_with_parent, asked.namespace)
+        ros2.run(robot, asked.name, cameras, asked.exit_with_parent, asked.namespace, later=asked.later)
     else:
         from robots.simulator.ros import process as ros1
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,8 @@ from script.stack.client import Driver, sign_in
 from script.stack.smoke import drive_and_stop
 from script.stack.stack import MIXED_ROBOTS, Stack, temporary_stack
 from tests.ros2.side import needs_rclpy
+from tests.script.programs.rosbridge_client import RosbridgeClient
+from tests.script.support import token
 from tests.script.viewer import viewer
 
 pytestmark = needs_rclpy
@@ -41,6 +44,34 @@ async def test_it_stops_when_its_laser_dies(stack: Stack) -> None:
         seen.forget()
         await driver.hold_stick(0.0, 0.5, until=lambda: any(command.still for command in seen.commands))
         await seen.cause("none")
+
+
+async def test_a_program_sends_goals_in_both_styles(stack: Stack) -> None:
+    scopes = ("drive", "motions", "speak", "topics")
+    async with RosbridgeClient(stack, ROBOT.slug, token(stack, "operator", *scopes, name="goals")) as client:
+
+        def heard(**fields: object) -> list[dict[str, Any]]:
+            return [message for message in client.messages if fields.items() <= message.items()]
+
+        await client.call("/fleet/take_control")
+        kinds = {"action": "/play_motion2", "action_type": "play_motion2_msgs/action/PlayMotion2"}
+        goal = {**kinds, "op": "send_action_goal", "args": {"motion_name": "open"}}
+        await client.send({**goal, "id": "opens"})
+        await client.until(lambda: heard(op="action_result", id="opens"))
+        [result] = heard(op="action_result", id="opens")
+        assert (result["status"], result["values"]) == (4, {"success": True, "error": ""})
+        await client.send({**goal, "id": "waves", "args": {"motion_name": "wave"}})
+        await client.send({"op": "cancel_action_goal", "action": "/play_motion2", "id": "waves"})
+        await client.until(lambda: heard(op="action_result", id="waves", status=5))
+        for part in ("feedback", "result"):
+            await client.send({"op": "subscribe", "topic": f"/tts_engine/tts/{part}"})
+        said = {"goal_id": {"id": "hello"}, "goal": {"input": "hello lab", "locale": "en_GB"}}
+        await client.send({"op": "publish", "topic": "/tts_engine/tts/goal", "msg": said})
+        await client.until(lambda: heard(op="publish", topic="/tts_engine/tts/result"))
+        words = [message["msg"]["feedback"]["word"] for message in heard(topic="/tts_engine/tts/feedback")]
+        [end] = [message["msg"] for message in heard(topic="/tts_engine/tts/result")]
+        assert words == ["hello", "lab"]
+        assert (end["status"]["goal_id"]["id"], end["status"]["status"]) == ("hello", 3)
 
 
 async def test_its_camera_is_shown_with_lens_and_place(stack: Stack) -> None:

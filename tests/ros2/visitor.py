@@ -17,6 +17,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from numbers import Integral
 from typing import Any
 
 import rclpy
@@ -42,6 +43,8 @@ def plain(value: Any) -> Any:
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, (str, bool, int, float)):
         return value
+    if isinstance(value, Integral):  # numpy's
+        return int(value)
     return len(value) if len(value) > 100 else [plain(each) for each in value]
 
 

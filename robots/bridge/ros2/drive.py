@@ -20,10 +20,22 @@ from robots.shared.geometry.poses import Velocity
 log = logging.getLogger(__name__)
 
 
-def twist_class(drive: Topic) -> type[Any]:
-    """Return the class of messages on the drive topic."""
-    kind: type[Any] = TwistStamped if drive.type.endswith("/TwistStamped") else Twist
-    return kind
+TWISTS: dict[str, type[Any]] = {
+    "geometry_msgs/msg/Twist": Twist,
+    "geometry_msgs/msg/TwistStamped": TwistStamped,
+}
+
+
+def kind_heard(drive: Topic, heard: Iterable[str]) -> str:
+    """Return the type for velocities: as entered if a listener has it, else the only other one that a listener has."""
+    kinds = set(heard)
+    others = {one.type for one in drive.others} & kinds
+    return others.pop() if drive.type not in kinds and len(others) == 1 else drive.type
+
+
+def kind_of(publisher: Any) -> str:
+    """Return the type of a publisher of velocities."""
+    return next(name for name, kind in TWISTS.items() if kind is publisher.msg_type)
 
 
 class Twists:

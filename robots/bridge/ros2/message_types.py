@@ -6,10 +6,8 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from robots.shared.processes.probe_findings import FEEDBACK
 from robots.shared.sentences import say
-
-
-FEEDBACK = "_FeedbackMessage"  # such as nav2_msgs/action/NavigateToPose_FeedbackMessage
 
 
 class TypeUnknown(Exception):

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from msgspec import structs
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
 
@@ -27,14 +28,14 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import Twists, cancel_client, cancel_goals, twist_class
+from robots.bridge.ros2.drive import TWISTS, Twists, cancel_client, cancel_goals, kind_of
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
-from robots.bridge.ros2.network.survey import Listeners, Problems, is_there
+from robots.bridge.ros2.network.survey import Listeners, Problems, is_there, wanted_kind
 from robots.bridge.ros2.participant import Participant, Rests
 from robots.bridge.ros2.qos import DRIVE
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
@@ -72,8 +73,12 @@ class RosBase:
     def __init__(self, config: BridgeConfig) -> None:
         self.config = config
         self._ros = ros2(config.ros)
-        self._drives: dict[str, Any] = {}  # by topic: the default and a chosen one
-        self._twists = Twists(twist_class(config.topics.drive))
+        self._twist = config.topics.drive.type  # of velocities, as the robot takes them
+        self._twists = {kind: Twists(kind) for kind in TWISTS.values()}
+        self._driven = frozenset(
+            {config.topics.drive.name}
+        )  # topics of velocities: the default and a chosen one
+        self._drives: dict[str, Any] = {}  # publishers by topic
         self._cancels: list[Any] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
@@ -130,7 +135,7 @@ class RosBase:
         drive = self._drive
         if drive is not None:
             try:
-                drive.publish(self._twists.of(velocity))
+                drive.publish(self._twists[drive.msg_type].of(velocity))
             except InvalidHandle:  # its topic is being closed
                 log.warning("a velocity was not published: its topic is closed")
 
@@ -222,7 +227,7 @@ class RosBase:
             Rests(lambda: MOVES_S if reception.moves else RESTS_S, MOVES_S),
         )
         self.graph = Graph(participant.node)
-        self._listeners = Listeners(Graph(participant.node), config.topics.drive)
+        self._listeners = Listeners(Graph(participant.node))
         self.parameters = NodeParameters(participant)
         self._misfits = Problems(self.graph)
         self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", socket.gethostname())
@@ -266,6 +271,7 @@ class RosBase:
         """Connect to the drive topic: the robot is this bridge's."""
         topics = self.config.topics
         self._cancels = [cancel_client(self.participant.node, action) for action in topics.cancelled]
+        self._twist = wanted_kind(self.graph, topics.drive, self._twist)
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
         self.parts.connect(self)
 
@@ -279,6 +285,7 @@ class RosBase:
         if not self.holds:
             return
         self.followed.follow()
+        self._follow_kind()
         system = self._system()
         self._surveys.surveyed(system, drive, self._problems(drive))
         self._reception.follow_clock(bool(system.publishers.get(CLOCK)))
@@ -290,7 +297,7 @@ class RosBase:
         self.parts.surveyed()
 
     def _problems(self, drive: str) -> list[str]:
-        found = self._misfits.of(drive)
+        found = self._misfits.of(drive, self._twist)
         if self._tf is not None and self._tf.frames.is_full:
             found.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
         return found
@@ -330,7 +337,8 @@ class RosBase:
     def _system(self) -> SystemState:
         """Look for the nodes of all topics that matter to the bridge."""
         topics, namespace = self.config.topics, self._ros.namespace
-        inputs = [topic for topic in (topics.drive, topics.speech, topics.motions) if topic]
+        entered = [topic for topic in (topics.drive, topics.speech, topics.motions) if topic]
+        inputs = [one for topic in entered for one in (topic, *topic.others)]
         inputs += [
             Topic(one.name, one.type) for one in self.config.allowed if one.what in ("choose", "publish")
         ]
@@ -363,7 +371,7 @@ class RosBase:
 
     def _drive_publisher(self, name: str) -> Any:
         return self.participant.node.create_publisher(
-            twist_class(self.config.topics.drive),
+            TWISTS[self._twist],
             name,
             DRIVE,
             event_callbacks=PublisherEventCallbacks(matched=lambda _: self._monitor.look()),
@@ -371,19 +379,34 @@ class RosBase:
 
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
-            self._connect_drives(topics)
+            self._driven = topics
+            self._connect_drives()
         elif use == "speech" and (voices := self.part(Voices)):
             voices.attend(topics)
 
-    def _connect_drives(self, topics: frozenset[str]) -> None:
+    def _follow_kind(self) -> None:
+        """Send velocities of the type that the robot takes on the topic to which they go."""
+        drive = structs.replace(self.config.topics.drive, name=self._inputs.drive)
+        kind = wanted_kind(self.graph, drive, self._twist)
+        if kind != self._twist or self._drives.keys() != self._driven:
+            self._twist = kind
+            self._topic_worker.do(self._connect_drives)
+
+    def _connect_drives(self) -> None:
+        """Keep a publisher of the present type for each topic of velocities, and no other."""
+        kind, topics = self._twist, self._driven
+        before = self._drives.items()
+        left = {name: one for name, one in before if name not in topics or kind_of(one) != kind}
+        self._drives = {name: one for name, one in before if name not in left}
+        for name, publisher in left.items():
+            if name in topics:
+                publisher.publish(Twists(publisher.msg_type).of(STILL))
+                time.sleep(FLUSH_S)  # the zero leaves before its publisher does
+            self.participant.node.destroy_publisher(publisher)  # first: a process has one type of a topic
         for name in topics - self._drives.keys():
             publisher = self._drive_publisher(name)
             self._drives = {**self._drives, name: publisher}
             self._await_listener(publisher)
-        for name in self._drives.keys() - topics:
-            left = self._drives[name]
-            self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
-            self.participant.node.destroy_publisher(left)
 
     def _await_listener(self, publisher: Any) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""

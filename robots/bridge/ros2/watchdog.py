@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import Twists, cancel_client, cancel_goals, twist_class
+from robots.bridge.ros2.drive import TWISTS, Twists, cancel_client, cancel_goals, kind_of
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
-from robots.bridge.ros2.network.survey import Listeners
+from robots.bridge.ros2.network.survey import Listeners, wanted_kind
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.robot_ros import ros2
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 FLUSH_S = 0.1
-LOOK_S = 2.0  # between two looks at the networks of this computer
+LOOK_S = 1.0  # between two looks at the type of velocities, and at the networks of this computer
 LEAVE_S = 1.0
 
 
@@ -39,6 +39,7 @@ class WatchdogNode:
         self._config = config
         self._participant: Participant | None = None
         self._wanted = {config.drive.name}
+        self._twist = config.drive.type  # of velocities, as the robot takes them
         self._drives: dict[str, Any] = {}
         self._cancels: list[Any] = []
         self._listeners: Listeners
@@ -88,12 +89,14 @@ class WatchdogNode:
         joined = Joined(ros)
         try:
             self._participant = participant = Participant(self._config.node.strip("/"), ros.domain_id)
-            self._listeners = Listeners(Graph(participant.node), drive)
-            listeners = Listeners(Graph(participant.node), drive)  # of this thread
+            self._listeners = Listeners(Graph(participant.node))
+            graph = Graph(participant.node)  # of this thread
+            listeners = Listeners(graph)
             self._cancels = [cancel_client(participant.node, action) for action in self._config.actions]
             self._attend(participant)
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
+                self._twist = wanted_kind(graph, drive, self._twist)
                 self._attend(participant)
                 self._news.wait(LOOK_S)
                 self._news.clear()
@@ -114,15 +117,15 @@ class WatchdogNode:
         return joined.moved() or not any(listeners.of(*each) for each in self._drives.items())
 
     def _attend(self, participant: Participant) -> None:
-        """Keep a publisher for each wanted drive topic, and for no other."""
-        wanted = self._wanted
+        """Keep a publisher of the present type for each wanted drive topic, and no other."""
+        wanted, kind = self._wanted, self._twist
+        left = {name: one for name, one in self._drives.items() if name not in wanted or kind_of(one) != kind}
+        self._drives = {name: one for name, one in self._drives.items() if name not in left}
+        for publisher in left.values():
+            participant.node.destroy_publisher(publisher)  # first: a process has one type of a topic
         for name in wanted - self._drives.keys():
-            publisher = participant.node.create_publisher(twist_class(self._config.drive), name, DRIVE)
+            publisher = participant.node.create_publisher(TWISTS[kind], name, DRIVE)
             self._drives = {**self._drives, name: publisher}
-        for name in self._drives.keys() - wanted:
-            left = self._drives[name]
-            self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
-            participant.node.destroy_publisher(left)
 
 
 if TYPE_CHECKING:

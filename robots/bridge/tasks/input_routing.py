@@ -1,8 +1,9 @@
 """Route a holder's input (driving, speech, motions): to the robot's default topic, or to a chosen one.
 
-A topic may be chosen if it is on the admin's allow-list, it has the type of the default topic, and a node on
-the robot subscribes to it. A choice is recorded, then connected, then made. It ends with its holder's
-control, or when the subscriber is gone; the end is recorded as well.
+Software of other versions may have another name or type in place of a default topic (`Topic.others`): if only one of
+them is there, input goes to it. A topic may be chosen if it is on the admin's allow-list, it has the type of the
+default topic, and a node on the robot subscribes to it. A choice is recorded, then connected, then made. It ends with
+its holder's control, or when the subscriber is gone; the end is recorded as well.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ class InputRouting(TaskPart):
         # by use: choices that ended by themselves, until the next choice
         self.gone: dict[Use, wire.ChoiceEnd] = {}
         self._made: dict[Use, _Route] = {}  # choices other than the default
-        self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
+        self._entered = {use: topic for use, topic in offered.items() if topic is not None}
+        self._defaults = dict(self._entered)  # the same as the robot has them
         self._robot = context.robot
         self._tasks = context.tasks
         self._records = context.records
@@ -103,6 +105,10 @@ class InputRouting(TaskPart):
         """Return the topic of this use; KeyError if the robot has none."""
         made = self._made.get(use)
         return made.topic if made else self._defaults[use].name
+
+    def type(self, use: Use) -> str:
+        """Return the type of this topic; KeyError if the robot has none."""
+        return self._typed(use, self.topic(use)).type
 
     @property
     def chosen(self) -> dict[Use, str]:
@@ -139,7 +145,7 @@ class InputRouting(TaskPart):
                 name=name,
             )
             return Refusal("not_allowed", text, "robot", {"use": use, "topic": name})
-        return self._why_no_listener(Topic(name, default.type))
+        return self._why_no_listener(use, name)
 
     # --- choosing -------------------------------------------------------------------------------------
 
@@ -186,9 +192,14 @@ class InputRouting(TaskPart):
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
         """Take the topics that nodes on the robot subscribe to, with types. End choices whose subscriber is gone."""
         self._listened = listened
+        for use, entered in self._entered.items():
+            there = found(entered, listened)
+            self._defaults[use] = there[0] if len(there) == 1 else entered
+            if use != "motions":
+                self._always[use] = frozenset({self._defaults[use].name})
         for use, made in list(self._made.items()):
             default = self._defaults[use]
-            if self._why_no_listener(Topic(made.topic, default.type)) is not None:
+            if self._why_no_listener(use, made.topic) is not None:
                 why = say(
                     "{topic} has no subscriber any more: input goes to {default} again.",
                     topic=made.topic,
@@ -307,34 +318,52 @@ class InputRouting(TaskPart):
         parameters = {"use": use, "to": choice.topic}
         self._records.outcome(choice, wire.CHOOSE.outcome, outcome, parameters, now_s)
 
-    def _why_no_listener(self, topic: Topic) -> Refusal | None:
+    def _typed(self, use: Use, name: str) -> Topic:
+        """Return a topic of this use with its type: a chosen one has the type that was entered for the default."""
+        default = self._defaults[use]
+        if name == default.name:
+            return default
+        return Topic(name, default.type if use == "drive" else self._entered[use].type)
+
+    def _why_no_listener(self, use: Use, name: str) -> Refusal | None:
         """Return a refusal if, by the last survey, no node subscribes to the topic with its type."""
         if self._listened is None:
             return None
+        topic, entered = self._typed(use, name), self._entered[use]
         heard = goal_topic(topic)
-        found = self._listened.get(heard.name)
-        if found == heard.type:
+        known = self._listened.get(heard.name)
+        if known == heard.type:
             return None
         figures = {"topic": topic.name, "type": topic.type}
-        if found is None:
-            return Refusal(
-                "no_listener",
-                say("No node on the robot subscribes to {name}.", name=heard.name),
-                "robot",
-                figures,
-            )
+        if known is None:
+            text = say("No node on the robot subscribes to {name}.", name=heard.name)
+            if name == entered.name and len(rivals := found(entered, self._listened)) > 1:
+                text = say(
+                    "The robot has no {name}, but {others}: enter one of them in its profile.",
+                    name=name,
+                    others=", ".join(one.name for one in rivals),
+                )
+            return Refusal("no_listener", text, "robot", figures)
         text = say(
             "{name} has type {found} on the robot, but {type} is needed.",
             name=heard.name,
-            found=found,
+            found=known,
             type=heard.type,
         )
-        return Refusal("wrong_type", text, "robot", {**figures, "found": found})
+        return Refusal("wrong_type", text, "robot", {**figures, "found": known})
 
 
 def _silent(choice: _Route) -> Refusal:
     text = say("{topic} was not connected in time: ask again.", topic=choice.topic)
     return Refusal("robot_silent", text, "robot", {"topic": choice.topic, "limit_s": PATIENCE_S})
+
+
+def found(topic: Topic, listened: Mapping[str, str]) -> list[Topic]:
+    """Return the topic if nodes on the robot subscribe to it; else all its others to which they do."""
+    there = [
+        one for one in (topic, *topic.others) if listened.get((heard := goal_topic(one)).name) == heard.type
+    ]
+    return [topic] if topic in there else there
 
 
 def goal_topic(topic: Topic) -> Topic:

@@ -80,8 +80,8 @@ class Publications(TaskPart):
 
         Only one topic takes velocities, and each velocity must be sent again in time.
         """
-        topic = self._context.tasks.part(InputRouting).topic("drive")
-        type_name = self._context.config.topics.drive.type
+        routing = self._context.tasks.part(InputRouting)
+        topic, type_name = routing.topic("drive"), routing.type("drive")
         if (order.topic, bare(order.type)) != (topic, bare(type_name)):
             text = say(
                 "Publish velocities on {topic} as {type} only: they pass the gate there.",

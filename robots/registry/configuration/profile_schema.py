@@ -49,6 +49,7 @@ CAMERA_TYPES = {1: _PICTURES, 2: tuple(map(in_ros2, _PICTURES))}
 NAVIGATION_TYPES = {1: ("move_base_msgs/MoveBaseAction",), 2: ("nav2_msgs/action/NavigateToPose",)}
 LIMB_TYPES = {1: (TRAJECTORY,), 2: (TRAJECTORY_2,)}
 COMMANDS = {1: GRIPPER_COMMAND, 2: GRIPPER_COMMAND_2}
+WITH_OTHERS = ("drive", "speech")  # the drive topic's others are its other types, which nobody enters
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 
@@ -169,6 +170,8 @@ def topic_problems(topics: Topics, ros: RosVersion = 1) -> Iterator[str]:
         name = source.name if isinstance(source, Topic) else source.topic
         yield from _name_problem(name, f"{field}.{'name' if isinstance(source, Topic) else 'topic'}")
         yield from _kind_problem(field, source.type, understood)
+        if isinstance(source, Topic):
+            yield from _other_problems(field, source, understood)
     if topics.depth:
         yield from _depth_problems(topics.depth)
     if topics.head:
@@ -197,6 +200,19 @@ def topic_problems(topics: Topics, ros: RosVersion = 1) -> Iterator[str]:
             )
     yield from _doublets([scan.topic for scan in topics.scans], "scans", "topic")
     yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
+
+
+def _other_problems(field: str, topic: Topic, understood: Sequence[str]) -> Iterator[str]:
+    if topic.others and field not in WITH_OTHERS:
+        yield say("{field}.others: only {known} may have other names", field=field, known=WITH_OTHERS[-1])
+    for index, other in enumerate(topic.others):
+        path = f"{field}.others[{index}]"
+        yield from _name_problem(other.name, f"{path}.name")
+        yield from _kind_problem(path, other.type, understood)
+        if other.others:
+            yield say("{field}.others: only {known} may have other names", field=path, known=WITH_OTHERS[-1])
+    if field != "drive":
+        yield from _doublets([topic.name, *(other.name for other in topic.others)], field, "others")
 
 
 # Lowest and highest value of each entry of a depth camera.

@@ -31,7 +31,8 @@ from robots.registry.configuration.profile_schema import (
     topic_problems,
     unknown_steps,
 )
-from robots.shared.configuration.bridge_config import ArmSource, DepthSource, Topic, Topics
+from robots.shared.configuration import bridge_config
+from robots.shared.configuration.bridge_config import ArmSource, DepthSource, Topics
 from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits, Parameters
 from robots.shared.configuration.input_filters import StickStep
 from robots.shared.configuration.robot_ros import RosVersion
@@ -113,8 +114,8 @@ def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
         raise Problems([say("Write an object with odometry, scans and so on.")])
     if "drive" in rest:
         raise Problems([say('drive: belongs into the field "drive topic"')])
-    drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
     ros: RosVersion = 2 if profile.ros == 2 else 1
+    drive = msgspec.to_builtins(bridge_config.drive_topic(drive_topic, profile.drive_type, ros))
     return checked(lambda given: topic_problems(given, ros), parsed(Topics, {"drive": drive, **rest}))
 
 

@@ -22,10 +22,14 @@ CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clock
 
 
 class Topic(Struct, frozen=True):
-    """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist"), as the robot's ROS writes it."""
+    """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist"), as the robot's ROS writes it.
+
+    `others`: what other versions of the robot's software have in its place.
+    """
 
     name: str
     type: str
+    others: tuple[Topic, ...] = ()
 
     @property
     def is_action(self) -> bool:
@@ -175,6 +179,12 @@ TOPIC_TYPES: dict[RosVersion, dict[str, tuple[str, ...]]] = {
 }
 
 
+def drive_topic(name: str, kind: str, ros: RosVersion) -> Topic:
+    """Return the topic for velocities. With ROS 2 they have a stamp or none, as its listeners have it."""
+    kinds = TOPIC_TYPES[2]["drive"] if ros == 2 else ()
+    return Topic(name, kind, tuple(Topic(name, other) for other in kinds if other != kind))
+
+
 class Topics(Struct, frozen=True):
     """The robot's ROS interface. None: the robot has no such topic."""
 
@@ -209,6 +219,7 @@ class Topics(Struct, frozen=True):
     def cancelled(self) -> list[str]:
         """Names of all actions whose goals an emergency stop cancels: also those of tasks (`TaskKind`)."""
         others = [self._action(path) for kind in TASK_KINDS for path in kind.stopped_actions]
+        others += [one.name for one in (self.speech.others if self.speech else ()) if one.is_action]
         return [*self.cancel_on_stop, *(name for name in others if name and name not in self.cancel_on_stop)]
 
     def _action(self, path: str) -> str | None:

@@ -107,6 +107,7 @@ class DriveFound(Struct, frozen=True):
         Misfit
     ] = []  # subscribers of ROS 2 that get nothing, because they ask for more than is offered
     differing: list[str] = []  # subscribers of ROS 2 with another version of the type
+    takes: str = ""  # with ROS 2: the type in which these subscribers take velocities
 
 
 class DescriptionFound(Worded, frozen=True):

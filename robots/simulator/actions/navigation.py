@@ -11,6 +11,7 @@ from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
 from robots.simulator.ros_side import Goal, Goals, RosSide
 from robots.simulator.topics.messages import pose_of, yaw_quaternion
+from robots.simulator.topics.velocities import Velocities
 
 FEEDBACK_S = 0.2
 PAUSES_S = 4.0  # with the fault `navigation_pauses`
@@ -26,7 +27,9 @@ class NavigationServer:
     `ros` and `ros2` have the fields of goal and feedback.
     """
 
-    def __init__(self, ros: RosSide, robot: Robot, goals: Goals, velocity: str, plan: str) -> None:
+    def __init__(
+        self, ros: RosSide, robot: Robot, goals: Goals, velocity: str, plan: str, velocities: Velocities
+    ) -> None:
         self._ros = ros
         self._robot = robot
         self._goals = goals
@@ -35,7 +38,8 @@ class NavigationServer:
         self._plan_sent: list[tuple[float, float]] = []
         self._feedback_s = 0.0
         self._had_goal_s = -math.inf
-        self._velocity = ros.publisher(velocity, "geometry_msgs/Twist")
+        self._velocities = velocities
+        self._velocity = ros.publisher(velocity, velocities.kind)
         self._plan = ros.publisher(plan, "nav_msgs/Path", kept=True)
 
     def step(self, now: float) -> None:
@@ -123,9 +127,7 @@ class NavigationServer:
         return position
 
     def _drive(self, twist: Twist) -> None:
-        message = self._ros.new("geometry_msgs/Twist")
-        message.linear.x, message.angular.z = twist.vx, twist.w
-        self._velocity.publish(message)
+        self._velocity.publish(self._velocities.message(twist))
 
     def _path(self, places: list[tuple[float, float]]) -> Any:
         path = self._ros.stamped(self._ros.new("nav_msgs/Path"), self._ros.now(), "map")

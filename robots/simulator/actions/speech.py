@@ -45,6 +45,10 @@ class SpeechServer:
         """Return the fields of a result without success."""
         raise NotImplementedError
 
+    def _spoken(self, text: str) -> dict[str, Any]:
+        """Return the fields of a result with success."""
+        return {"text": text}
+
     def _begin(self, goal: Goal, now: float) -> None:
         goal.accept()
         asked = self._asked(goal.request)
@@ -67,4 +71,4 @@ class SpeechServer:
             self._mark(goal, mark)
         if utterance.is_over(now):
             self._speaking = None
-            goal.succeed(text=self._asked(goal.request).text)
+            goal.succeed(**self._spoken(self._asked(goal.request).text))

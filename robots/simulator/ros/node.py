@@ -18,12 +18,13 @@ from robots.simulator.ros.actions.move_base import MoveBaseServer
 from robots.simulator.ros.actions.speech import TtsServer
 from robots.simulator.ros.side import RospySide
 from robots.simulator.topics.base import BaseTopics
+from robots.simulator.topics.velocities import Velocities
 
 
 def simulator_node(robot: Robot, cameras: CameraOptions) -> SimulatorNode:
     """Advertise and serve everything that this robot has in ROS 1."""
     ros, names = RospySide(), robot.body.names
-    base = BaseTopics(ros, robot, names.command, TIAGO_INPUTS if names.mux else {})
+    base = BaseTopics(ros, robot, names.command, TIAGO_INPUTS if names.mux else {}, Velocities(ros))
     node = SimulatorNode(ros, robot, base)
     if names.mux:
         node.serve(MoveBaseServer(ros, robot).step)

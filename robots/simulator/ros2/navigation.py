@@ -11,14 +11,15 @@ from robots.simulator.navigation.navigator import GoalDrive
 from robots.simulator.robot import Robot
 from robots.simulator.ros2.side import RclpySide
 from robots.simulator.ros_side import Goal
+from robots.simulator.topics.velocities import Velocities
 
 
 class NavigateToPoseServer(NavigationServer):
     """Nav2's bt_navigator."""
 
-    def __init__(self, ros: RclpySide, robot: Robot) -> None:
+    def __init__(self, ros: RclpySide, robot: Robot, velocities: Velocities) -> None:
         node, action, kind = ros.add_node("bt_navigator"), "/navigate_to_pose", "nav2_msgs/NavigateToPose"
-        super().__init__(ros, robot, ros.goals(action, kind, node), "/cmd_vel", "/plan")
+        super().__init__(ros, robot, ros.goals(action, kind, node), "/cmd_vel", "/plan", velocities)
         send = ros.sender(node, action, kind)
         ros.subscribe("/goal_pose", "geometry_msgs/PoseStamped", lambda pose: send(pose=pose), queue=1)
 

@@ -12,25 +12,30 @@ from robots.simulator.robot import Robot
 from robots.simulator.ros2.motions import PlayMotion2Server
 from robots.simulator.ros2.navigation import NavigateToPoseServer
 from robots.simulator.ros2.side import RclpySide
-from robots.simulator.ros2.speech import TtsEngineServer
+from robots.simulator.ros2.speech import SaySkill, TtsEngineServer
 from robots.simulator.topics.base import BaseTopics
+from robots.simulator.topics.velocities import Velocities
 
-BEHIND_THE_MUX = "/mobile_base_controller/cmd_vel_unstamped"
+CONTROLLER = "/mobile_base_controller"
 
 
-def simulator_node(ros: RclpySide, robot: Robot, name: str, cameras: CameraOptions) -> SimulatorNode:
-    """Advertise and serve everything that this robot has in ROS 2."""
-    names = robot.body.names
+def simulator_node(
+    ros: RclpySide, robot: Robot, name: str, cameras: CameraOptions, *, later: bool
+) -> SimulatorNode:
+    """Advertise and serve everything that this robot has in ROS 2; `later`: with the names of later software."""
+    names, velocities = robot.body.names, Velocities(ros, stamped=later)
     if names.mux:
-        base = BaseTopics(ros, robot, BEHIND_THE_MUX, TIAGO_INPUTS_ROS2)
+        behind = f"{CONTROLLER}/cmd_vel" if later else f"{CONTROLLER}/cmd_vel_unstamped"
+        base = BaseTopics(ros, robot, behind, TIAGO_INPUTS_ROS2, velocities)
     else:
-        base = BaseTopics(ros, robot, names.command, {})
+        base = BaseTopics(ros, robot, names.command, {}, velocities)
     node = SimulatorNode(ros, robot, base)
     _describe(ros, description(robot.body, name))
     if names.mux:
-        node.serve(NavigateToPoseServer(ros, robot).step)
+        node.serve(NavigateToPoseServer(ros, robot, velocities).step)
     if robot.body.upper_body:
-        node.serve(TtsEngineServer(ros).step, PlayMotion2Server(ros, robot).step)
+        speech = SaySkill(ros) if later else TtsEngineServer(ros)
+        node.serve(speech.step, PlayMotion2Server(ros, robot).step)
         for controller in CONTROLLERS:
             topic = f"/{controller}/joint_trajectory"
             node.serve(TrajectoryController(ros, robot, controller, topic).step)

@@ -25,13 +25,15 @@ log = logging.getLogger(__name__)
 _END_S = 5.0  # from the end signal to the exit, even if a part hangs
 
 
-def run(robot: Robot, name: str, cameras: CameraOptions, exit_with_parent: bool, namespace: str) -> None:
+def run(
+    robot: Robot, name: str, cameras: CameraOptions, exit_with_parent: bool, namespace: str, *, later: bool
+) -> None:
     """Run `robot` until SIGTERM, SIGINT or, if asked, the end of standard input."""
     stop = end_event(sys.stdin.fileno() if exit_with_parent else None, _END_S)
     context = Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     ros = RclpySide(node_name(name), namespace, context)
-    node = simulator_node(ros, robot, name, cameras)
+    node = simulator_node(ros, robot, name, cameras, later=later)
     spinning = threading.Thread(target=_spin, args=(ros, stop), name="ros2", daemon=True)
     spinning.start()
     try:

@@ -1,4 +1,4 @@
-"""The /tts_engine/tts action."""
+"""The /tts_engine/tts action, and /say, which later software has."""
 
 from __future__ import annotations
 
@@ -27,3 +27,22 @@ class TtsEngineServer(SpeechServer):
 
     def _reason(self, why: str) -> dict[str, Any]:
         return {"error_msg": why}
+
+
+class SaySkill(SpeechServer):
+    """The skill that says a text in the robot's own language, without a word about its progress."""
+
+    def __init__(self, ros: RclpySide) -> None:
+        super().__init__(ros.goals("/say", "communication_skills/Say"))
+
+    def _asked(self, request: Any) -> Asked:
+        return Asked(request.input, "en_GB", 0.0)
+
+    def _mark(self, goal: Goal, mark: Mark) -> None:
+        """Say nothing."""
+
+    def _reason(self, why: str) -> dict[str, Any]:
+        return {}
+
+    def _spoken(self, text: str) -> dict[str, Any]:
+        return {}

@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from robots.simulator.physics import base, mux
+from robots.simulator.physics import mux
 from robots.simulator.robot import Robot
 from robots.simulator.ros_side import RosSide, Stamp
 from robots.simulator.topics.messages import odometry, transform, yaw_quaternion
+from robots.simulator.topics.velocities import Velocities
 
 log = logging.getLogger(__name__)
 
@@ -23,17 +24,20 @@ COMPLAIN_S = 5.0
 class BaseTopics:
     """Subscribes to velocities and locks, publishes odometry. `inputs`: the mux's before `command`; none: no mux."""
 
-    def __init__(self, ros: RosSide, robot: Robot, command: str, inputs: Mapping[str, int]) -> None:
+    def __init__(
+        self, ros: RosSide, robot: Robot, command: str, inputs: Mapping[str, int], velocities: Velocities
+    ) -> None:
         self._ros = ros
         self._robot = robot
+        self._velocities = velocities
         # 100, as in diff_drive_controller: on a busy computer messages may be late, but none is lost.
         self._odometry = ros.publisher(robot.body.names.odometry, "nav_msgs/Odometry", queue=100)
         self._tf = ros.publisher("/tf", "tf2_msgs/TFMessage", queue=10)
         self._frozen: Any = None
         self._complained_s = -math.inf
         if inputs:
-            self._mux = MuxTopics(ros, command, inputs)
-        ros.subscribe(command, "geometry_msgs/Twist", self._commanded, queue=1)
+            self._mux = MuxTopics(ros, command, inputs, velocities.kind)
+        ros.subscribe(command, velocities.kind, self._commanded, queue=1)
 
     def publish(self, stamp: Stamp) -> None:
         """Publish odometry and the transform from odom to the base, as of `stamp`."""
@@ -60,24 +64,24 @@ class BaseTopics:
 
     def _commanded(self, message: Any) -> None:
         now = time.monotonic()
-        twist = base.Twist(message.linear.x, message.linear.y, message.angular.z)
-        if all(map(math.isfinite, twist)):
+        twist = self._velocities.read(message)
+        if twist is not None and all(map(math.isfinite, twist)):
             self._robot.command(twist, now)
         elif now - self._complained_s > COMPLAIN_S:
             # diff_drive_controller ignores such commands too.
             self._complained_s = now
-            log.warning("ignored a velocity command that is not a number")
+            log.warning("ignored a velocity command that is not a number, or too old")
 
 
 class MuxTopics:
     """twist_mux: the velocity inputs and locks before the controller's command topic."""
 
-    def __init__(self, ros: RosSide, command_topic: str, inputs: Mapping[str, int]) -> None:
+    def __init__(self, ros: RosSide, command_topic: str, inputs: Mapping[str, int], kind: str) -> None:
         self._mux = mux.TwistMux(inputs)
         self._guard = threading.Lock()  # rospy calls back on one thread per connection
-        self._through = ros.publisher(command_topic, "geometry_msgs/Twist")
+        self._through = ros.publisher(command_topic, kind)
         for name in inputs:
-            ros.subscribe(f"/{name}", "geometry_msgs/Twist", partial(self._heard, name=name), queue=1)
+            ros.subscribe(f"/{name}", kind, partial(self._heard, name=name), queue=1)
         for name in mux.TIAGO_LOCKS:
             ros.subscribe(f"/{name}", "std_msgs/Bool", partial(self._locked, name=name))
 

@@ -35,7 +35,7 @@ class _Status(Struct):
     goal_id: _GoalId
 
 
-class _Uuid(Struct):
+class _Uuid(Struct, frozen=True):
     uuid: str = ""  # base64
 
 

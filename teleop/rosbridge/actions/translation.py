@@ -1,7 +1,7 @@
 """Goals of the robot's actions as tasks of the chain. Pure.
 
-A goal has the fields of its message in the robot's ROS. Fields that a task does not have, such as the velocities of a trajectory, are
-not read: the bridge decides how a limb gets to its place.
+A goal has the fields of its message in the robot's ROS. Fields that a task does not have, such as the velocities of a
+trajectory, are not read: the bridge decides how a limb gets to its place.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from robots.shared.wire import Limb, NotDone, Refusal, TaskRequest
 
 FEEDBACK, RESULT = "feedback", "result"
 FEEDBACK_2 = "_action/feedback"  # ROS 2 tells a result only to the node that sent the goal
-_SUCCEEDED = {
+_SUCCEEDED: dict[str, dict[str, Any]] = {
     "play_motion2_msgs/action/PlayMotion2": {"success": True, "error": ""},
     "tts_msgs/action/TTS": {"error_msg": ""},
     TRAJECTORY_2: {"error_code": 0, "error_string": ""},
@@ -145,8 +145,9 @@ def actions_of(topics: Topics) -> dict[str, RobotAction]:
     found: dict[str, RobotAction] = {}
     if topics.motions:
         found[topics.motions.name] = RobotAction(topics.motions.type, _motion, wire.PlayCancel)
-    if topics.speech and topics.speech.is_action:
-        found[topics.speech.name] = _spoken(topics.speech, topics)
+    for speech in (topics.speech, *topics.speech.others) if topics.speech else ():
+        if speech.is_action:
+            found[speech.name] = _spoken(speech, topics)
     if navigation := topics.navigation:
         drive = _drive_2 if is_ros2(navigation.type) else _drive
         found[navigation.action] = RobotAction(

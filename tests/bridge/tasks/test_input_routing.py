@@ -5,7 +5,7 @@ import pytest
 
 from robots.bridge.tasks.input_routing import PARTING_S, PATIENCE_S
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import Allowed, ArmSource
+from robots.shared.configuration.bridge_config import Allowed, ArmSource, Topic
 from robots.shared.geometry.poses import STILL, Velocity
 from tests.bridge.support import CONFIG, Bench, Outcome, settled
 
@@ -334,6 +334,44 @@ def test_pages_get_the_possible_choices(bench):
     assert offers.uses["speech"] == wire.UseOffer("/tts", TTS, {"/second_tts": "operator"})
     assert offers.languages == ["en-GB", "es-ES"]
     assert offers.publishable == {"/notes": "std_msgs/String"}
+
+
+SAY, STAMPED = "communication_skills/action/Say", "geometry_msgs/TwistStamped"
+
+
+@pytest.mark.parametrize(
+    ("there", "topic", "says"),
+    [
+        ({"/tts/goal": f"{TTS}Goal", "/say/goal": f"{SAY}Goal"}, "/tts", None),
+        ({"/say/goal": f"{SAY}Goal"}, "/say", None),
+        ({"/say/goal": f"{TTS}Goal"}, "/tts", "No node on the robot subscribes to /tts/goal."),
+        (
+            {"/say/goal": f"{SAY}Goal", "/skill/say/goal": f"{SAY}Goal"},
+            "/tts",
+            "The robot has no /tts, but /say, /skill/say: enter one of them in its profile.",
+        ),
+    ],
+)
+def test_another_name_of_the_right_type_is_used_if_it_is_the_only_one(there, topic, says):
+    others = (Topic("/say", SAY), Topic("/skill/say", SAY))
+    topics = msgspec.structs.replace(CONFIG.topics, speech=Topic("/tts", TTS, others))
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics)).online()
+    bench.core.tasks.routing.surveyed(there, bench.now_s)
+    bench.granted().pass_time(0.3)
+    offer = bench.core.tasks.capabilities.now().uses["speech"]
+    assert (offer.topic, offer.refusal and offer.refusal.sentence) == (topic, says)
+    if says is None:
+        assert ("speech", frozenset({topic})) in bench.base.attended or topic == "/tts"
+
+
+def test_velocities_have_the_type_of_their_listener():
+    drive = msgspec.structs.replace(CONFIG.topics.drive, others=(Topic("/key_vel", STAMPED),))
+    topics = msgspec.structs.replace(CONFIG.topics, drive=drive)
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics)).online()
+    bench.core.tasks.routing.surveyed({"/key_vel": STAMPED}, bench.now_s)
+    assert bench.core.tasks.capabilities.now().uses["drive"] == wire.UseOffer("/key_vel", STAMPED, {})
+    bench.core.tasks.routing.surveyed({"/key_vel": TWIST}, bench.now_s)
+    assert bench.core.tasks.capabilities.now().uses["drive"].type == TWIST
 
 
 def test_pages_see_choices_without_subscriber(bench):

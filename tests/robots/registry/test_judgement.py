@@ -214,6 +214,41 @@ def test_a_clock_that_lags_keeps_a_robot_from_stamped_velocities(config_2, well_
     assert (check.level, "refuses velocities with old stamps" in check.advice) == ("fail", True)
 
 
+@pytest.mark.parametrize(
+    ("there", "level", "says"),
+    [
+        ({"/say"}, "ok", "It takes the place of /tts_engine/tts."),
+        (
+            {"/say", "/skill/say"},
+            "warn",
+            "no /tts_engine/tts, but /skill/say and /say.",
+        ),
+        ({"/tts_engine/tts", "/say"}, "ok", "/tts_engine/tts ("),
+        (set(), "warn", "No node publishes /tts_engine/tts"),
+    ],
+)
+def test_the_name_that_a_robot_has_in_place_of_another_is_said(config_2, well_2, there, level, says) -> None:
+    names = {f"{name}/_action/feedback" for name in there}
+    topics = [
+        msgspec.structs.replace(found, publishers=["/base"] if asked.topic in names else [])
+        if asked.what == "speech"
+        else found
+        for asked, found in zip(plan_for(config_2).listened, well_2.topics, strict=True)
+    ]
+    check = answer(config_2, msgspec.structs.replace(well_2, topics=topics), "speech")
+    assert (check.level, says in check.text, bool(check.advice)) == (level, True, level != "ok")
+
+
+def test_velocities_of_another_type_than_in_the_profile_are_said(config_2, well_2) -> None:
+    drive = DriveFound([], ["/twist_mux"], None, takes="geometry_msgs/msg/TwistStamped")
+    check = answer(config_2, msgspec.structs.replace(well_2, drive=drive), "drive")
+    assert (check.level, check.text) == (
+        "ok",
+        "/twist_mux listens to /key_vel (geometry_msgs/msg/TwistStamped). "
+        "The profile has geometry_msgs/msg/Twist: the console follows the robot.",
+    )
+
+
 def test_a_type_without_its_package_is_named(config_2, well_2) -> None:
     check = answer(config_2, with_topic(well_2, "odometry", our_md5=None), "odometry")
     assert check.text == "The console does not know the type nav_msgs/msg/Odometry."

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-import yaml
 
+from robots.registry.shipped_profiles import profile_files
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic, Topics
 from robots.shared.wire import NotDone
@@ -17,9 +16,13 @@ from teleop.rosbridge.actions import ends
 from teleop.rosbridge.actions.ends import end_of
 from teleop.rosbridge.actions.translation import actions_of
 
-PROFILE = yaml.safe_load((Path(__file__).parents[3] / "robots/registry/profiles/tiago.yaml").read_text())
-TIAGO = msgspec.convert({**PROFILE["topics"], "drive": PROFILE["drive"]}, Topics)
-ACTIONS = actions_of(TIAGO)
+TIAGO, TIAGO_2 = (
+    msgspec.convert({**file.topics, "drive": file.drive}, Topics)
+    for slug in ("tiago", "tiago-ros2")
+    for file in profile_files()
+    if file.slug == slug
+)
+ACTIONS, ACTIONS_2 = actions_of(TIAGO), actions_of(TIAGO_2)
 TORSO, GRIPPER = "/torso_controller/follow_joint_trajectory", "/gripper_controller/follow_joint_trajectory"
 HEAD, POINT = "/head_controller/follow_joint_trajectory", "/head_controller/point_head_action"
 
@@ -73,6 +76,28 @@ def test_a_goal_becomes_a_task(action, goal, task):
     assert ACTIONS[action].task(goal)(7, 3) == task
 
 
+@pytest.mark.parametrize(
+    ("action", "goal", "task"),
+    [
+        ("/play_motion2", {"motion_name": "wave", "skip_planning": False}, wire.Play(7, "wave", 3)),
+        ("/tts_engine/tts", {"input": "Hi", "locale": "en_GB"}, wire.Say(7, "Hi", "en-GB", seq=3)),
+        ("/tts_engine/tts", {"input": "Hi", "locale": "", "voice": ""}, wire.Say(7, "Hi", "en-GB", seq=3)),
+        ("/say", {"input": "Hi", "person_id": ""}, wire.Say(7, "Hi", "en-GB", seq=3)),
+        (
+            "/navigate_to_pose",
+            {"pose": place(1, -2.5, 0.0)["target_pose"], "behavior_tree": ""},
+            wire.Go(7, 1.0, -2.5, 0.0, 3),
+        ),
+        (TORSO, trajectory({"torso_lift_joint": 0.2}), wire.MoveLimb(7, "torso", 0.2, 3)),
+        (GRIPPER, trajectory({RIGHT: 0.02, LEFT: 0.03}), wire.MoveLimb(7, "gripper", 0.05, 3)),
+        (HEAD, trajectory({"head_1_joint": 0.5, "head_2_joint": -0.2}), wire.TurnHead(7, 0.5, -0.2, 3, True)),
+        (POINT, point(1, 1, 1.1), wire.TurnHead(7, math.pi / 4, 0.0, 3, True)),
+    ],
+)
+def test_a_goal_of_ros_2_has_its_own_fields(action, goal, task):
+    assert ACTIONS_2[action].task(goal)(7, 3) == task
+
+
 def test_a_heading_is_the_turn_about_the_vertical_axis():
     task = ACTIONS["/move_base"].task(place(0, 0, -2.0))(1, 1)
     assert isinstance(task, wire.Go)
@@ -99,11 +124,13 @@ def test_a_heading_is_the_turn_about_the_vertical_axis():
         ),
         (HEAD, trajectory({"head_1_joint": 0.5}), "invalid"),
         (POINT, point(1, 0, 1, "xtion_optical_frame"), "other_frame"),
+        ("/tts_engine/tts", {"rawtext": {"text": "Hi"}}, "invalid"),
+        ("/navigate_to_pose", place(1, 2, 0.0), "other_frame"),
     ],
 )
 def test_a_goal_that_no_task_can_do_is_refused(action, goal, code):
     with pytest.raises(NotDone) as refused:
-        ACTIONS[action].task(goal)
+        (ACTIONS | ACTIONS_2)[action].task(goal)
     assert refused.value.refusal.code == code
 
 

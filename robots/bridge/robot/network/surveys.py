@@ -63,7 +63,7 @@ class Surveys:
         topics = self._config.topics
         own = {BRIDGE, watchdog_name(self._config.robot_id)}
         foreign = named(sorted(set(system.publishers.get(drive, [])) - own))
-        wanted = [Topic(drive, topics.drive.type), topics.odometry]
+        wanted = [structs.replace(topics.drive, name=drive), topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = BOARD.texts()
         if system.is_cut:
@@ -106,7 +106,8 @@ def _listened(system: SystemState) -> dict[str, str]:
 
 def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
     found = types.get(topic.name)
-    if found is None or found == "*" or bare(found) == bare(topic.type):
+    kinds = {bare(one.type) for one in (topic, *topic.others)}
+    if found is None or found == "*" or bare(found) in kinds:
         return ""
     key = "{topic} is {found} on the robot, {type} in the registry."
     return say(key, topic=topic.name, found=found, type=topic.type)

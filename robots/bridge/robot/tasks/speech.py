@@ -33,10 +33,11 @@ class Voice(Protocol):
 
 
 class Voices(SpeechOutput, RobotPart):
-    """The voices of one robot, all of one type. `connect` connects one; it asks the robot."""
+    """The voices of one robot. `connect` connects one; it asks the robot."""
 
     def __init__(self, default: Topic, connect: Callable[[Topic], Voice]) -> None:
-        self._type = default.type
+        self._types = {one.name: one.type for one in (default, *default.others)}
+        self._type = default.type  # of topics that were chosen
         self._connect = connect
         self._voices: dict[str, Voice] = {}
         self.attend({default.name})
@@ -44,7 +45,7 @@ class Voices(SpeechOutput, RobotPart):
     def attend(self, topics: Collection[str]) -> None:
         """Connect to these topics and no others. Asks the robot."""
         for name in set(topics) - set(self._voices):
-            self._voices[name] = self._connect(Topic(name, self._type))
+            self._voices[name] = self._connect(Topic(name, self._types.get(name, self._type)))
         for name in set(self._voices) - set(topics):
             self._voices.pop(name).close()
 

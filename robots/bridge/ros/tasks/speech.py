@@ -28,8 +28,8 @@ class SpeechTopics(RobotPart):
         speech = node.config.topics.speech
         if speech is None:
             return None
-        kind, reports = _KINDS[speech.type], SpeechReports(node)
-        return Voices(speech, lambda topic: kind(topic, reports))
+        reports = SpeechReports(node)
+        return Voices(speech, lambda topic: _KINDS[topic.type](topic, reports))
 
 
 class _ActionVoice(ActionTopics, GoalListener):

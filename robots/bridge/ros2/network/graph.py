@@ -44,11 +44,14 @@ class Graph:
             sending, hearing = self.publishers(name), self.subscribers(name)
             publishers[name], subscribers[name] = nodes(sending), nodes(hearing)
             action = name.removesuffix(GOAL)
-            kind = services.get(f"{action}{SEND_GOAL}", "") if name.endswith(GOAL) else ""
+            service = f"{action}{SEND_GOAL}"
+            # A service has a type also if there is but a client, such as the bridge's own
+            is_served = name.endswith(GOAL) and self._node.count_services(service)
+            kind = services.get(service, "") if is_served else ""
             if kind.endswith(SENT):
                 subscribers[name], types[name] = [action], f"{kind.removesuffix(SENT)}Goal"
             elif sending or hearing:
-                types[name] = _type_of(sending + hearing)
+                types[name] = _type_of(_takers(sending, hearing) or sending + hearing)
         is_cut = len(topics) > MOST_TOPICS or len(looked_up) > MOST_LOOKED_UP
         is_cut |= any(map(self._is_crowded, looked_up[:MOST_LOOKED_UP]))
         return SystemState(publishers, subscribers, types, {}, is_cut)
@@ -106,6 +109,12 @@ def _type_of(endpoints: list[TopicEndpointInfo]) -> str:
     own = {one.topic_type for one in endpoints if is_own(node_name(one))}
     others = {one.topic_type for one in endpoints if not is_own(node_name(one))} or own
     return cut(min(own & others or others), NAME)
+
+
+def _takers(sending: list[TopicEndpointInfo], hearing: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
+    """Return the robot's listeners to velocities, with the console's publishers: others may publish another type."""
+    takers = [one for one in hearing if one.topic_type in VELOCITIES and not is_own(node_name(one))]
+    return takers and [*takers, *(one for one in sending if is_own(node_name(one)))]
 
 
 def _first(listed: Callable[[], list[tuple[str, list[str]]]]) -> Iterable[tuple[str, Any]]:

@@ -26,6 +26,7 @@ from std_msgs.msg import String
 
 from robots.bridge.robot.description.described import described
 from robots.bridge.ros2.definitions import type_hash
+from robots.bridge.ros2.drive import kind_heard
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name, nodes
 from robots.bridge.ros2.network.offers import lacking, refused
@@ -125,18 +126,20 @@ def _commanded(participant: Participant, topic: Topic) -> DriveFound:
     listeners = [
         one for one in node.get_subscriptions_info_by_topic(topic.name) if not is_own(node_name(one))
     ]
-    types = sorted({one.topic_type for one in listeners} - {topic.type})
-    fitting = [one for one in listeners if one.topic_type == topic.type]
+    kind = kind_heard(topic, [one.topic_type for one in listeners])
+    types = sorted({one.topic_type for one in listeners} - {kind})
+    fitting = [one for one in listeners if one.topic_type == kind]
     unfit = refused(DRIVE, fitting)
     if fitting:
-        strange = [one for one in listeners if one.topic_type != topic.type]
-        unfit += [Misfit(node_name(one), TYPE, topic.type, one.topic_type) for one in strange]
+        strange = [one for one in listeners if one.topic_type != kind]
+        unfit += [Misfit(node_name(one), TYPE, kind, one.topic_type) for one in strange]
     return DriveFound(
         publishers=sorted(map(node_name, node.get_publishers_info_by_topic(topic.name))),
         subscribers=sorted({*nodes(fitting)} - {one.node for one in unfit if one.policy != TYPE}),
         type=types[0] if types and not fitting else None,
         refused=unfit,
         differing=nodes(one for one in fitting if _theirs(one)),
+        takes=kind,
     )
 
 
@@ -238,13 +241,11 @@ def _range(raw: bytes, end: int, frame: str) -> dict[str, float]:
 
 
 def _class(type_name: str) -> Any:
-    """Return the class of a message, or of what an action tells of a goal; None if its package is missing here."""
-    action = type_name.removesuffix(FEEDBACK)
+    """Return the class of a message; None if its package is missing here."""
     try:
-        found = message_class(action)
+        return message_class(type_name)
     except TypeUnknown:
         return None
-    return found if action == type_name else found.Impl.FeedbackMessage
 
 
 if __name__ == "__main__":

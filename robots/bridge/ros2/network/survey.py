@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from robots.bridge.ros2.drive import kind_heard, kind_of
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.offers import refused
 from robots.bridge.ros2.participant import Participant
@@ -17,6 +18,7 @@ from robots.shared.configuration.bridge_config import Topic, Topics
 from robots.shared.graph import is_own
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.sentences import say
+from robots.shared.texts import NAME, cut
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +52,16 @@ def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
     return bool(_others(graph.publishers(topics.odometry.name)) or _others(graph.subscribers(drive)))
 
 
+def wanted_kind(graph: Graph, drive: Topic, now: str) -> str:
+    """Return the type of velocities that the robot takes on a topic; `now` if that cannot be read."""
+    try:
+        listeners = _others(graph.subscribers(drive.name))
+    except Exception:  # what strangers call their nodes
+        log.exception("who listens to %s cannot be read", drive.name)
+        return now
+    return kind_heard(drive, [one.topic_type for one in listeners])
+
+
 class Problems:
     """What of the domain does not fit the console."""
 
@@ -57,12 +69,20 @@ class Problems:
         self._graph = graph
         self._alone_s = time.monotonic()  # when no other bridge published velocities
 
-    def of(self, drive: str) -> list[str]:
-        """Return a sentence for each listener that asks for more than the console offers, and for a second bridge."""
+    def of(self, drive: str, kind: str) -> list[str]:
+        """Return a sentence for each listener that gets no velocity of this type, and for a second bridge."""
+        listeners = _others(self._graph.subscribers(drive))
+        fitting = [one for one in listeners if one.topic_type == kind]
         words = "{node} gets nothing on {topic}: it asks for {policy} {asked}, the console offers {offered}."
         found: list[str] = [
             say(words, node=one.node, topic=drive, policy=one.policy, asked=one.asked, offered=one.offered)
-            for one in refused(DRIVE, _others(self._graph.subscribers(drive)))
+            for one in refused(DRIVE, fitting)
+        ]
+        words = "{node} gets nothing on {topic}: it takes {found}, but others take {type}."
+        found += [
+            say(words, node=node_name(one), topic=drive, found=cut(one.topic_type, NAME), type=kind)
+            for one in listeners
+            if fitting and one not in fitting
         ]
         now_s = time.monotonic()
         if [node_name(one) for one in self._graph.publishers(drive)].count(BRIDGE) < 2:
@@ -81,8 +101,8 @@ def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
 class Listeners:
     """How many of the robot's nodes listen to a drive topic: the console's own do not move. For one thread."""
 
-    def __init__(self, graph: Graph, drive: Topic) -> None:
-        self._graph, self._kind = graph, drive.type
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
         # By topic: all listeners, when they were looked at (s), those of the robot
         self._looked: dict[str, tuple[int, float, int]] = {}
 
@@ -91,15 +111,15 @@ class Listeners:
         count, now_s = int(publisher.get_subscription_count()), time.monotonic()
         before, looked_s, robots = self._looked.get(topic, (-1, -math.inf, 0))
         if now_s - looked_s >= (LOOK_S if count == before else SOON_S):
-            own, new = self._own(topic)
+            own, new = self._own(topic, kind_of(publisher))
             robots = max(count - own, 0)
             self._looked[topic] = -1 if new else count, now_s, robots
         return min(robots, count)
 
-    def _own(self, topic: str) -> tuple[int, int]:
+    def _own(self, topic: str, kind: str) -> tuple[int, int]:
         """Return how many may be the console's own, and how many of these are too new to be known."""
         try:
-            known, new = self._graph.listeners(topic, self._kind)
+            known, new = self._graph.listeners(topic, kind)
         except Exception:  # what strangers call their nodes; a zero or a twist must go out all the same
             log.exception("who listens to %s cannot be read", topic)
             return 0, 0

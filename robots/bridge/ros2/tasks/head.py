@@ -10,8 +10,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from robots.bridge.head.head import Aim
 from robots.bridge.head.head_tasks import HeadMover, HeadTasks
+from robots.bridge.robot.incoming.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.interface import Node
-from robots.bridge.robot.mailboxes import EVENTS_WAIT
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.ros2.qos import EVENTS
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener, joined

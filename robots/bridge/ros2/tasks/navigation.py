@@ -14,12 +14,16 @@ from robots.bridge.navigation.navigation_goals import Navigator
 from robots.bridge.robot.interface import Node
 from robots.bridge.robot.parts import RobotPart
 from robots.bridge.robot.tasks.navigation import SET_M2, SET_RAD2, NavigationReports
+from robots.bridge.ros2.drive import kind_heard
+from robots.bridge.ros2.followed import FollowedTopic
 from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.participant import Subscription
 from robots.bridge.ros2.qos import EVENTS, kept, sensor
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener, joined
-from robots.shared.configuration.bridge_config import NavigationSource, Topic
+from robots.shared.configuration.bridge_config import NavigationSource, Topic, drive_topic
 from robots.shared.geometry.poses import Pose
 
+TWIST = "geometry_msgs/msg/Twist"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
@@ -29,6 +33,7 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
     def __init__(self, node: Node, source: NavigationSource) -> None:
         self._node, self._frame = node, source.frame
         self._participant, self._followed = joined(node).participant, joined(node).followed
+        self._graph = joined(node).graph
         self._reports = NavigationReports(node, source.frame)
         self._action = ActionEnds(self._participant, Topic(source.action, source.type), self)
         self._set_pose = None
@@ -36,7 +41,9 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
             self._set_pose = self._participant.node.create_publisher(
                 PoseWithCovarianceStamped, source.set_pose, EVENTS
             )
-        self._listen(source.velocity, "geometry_msgs/msg/Twist", self._reports.velocity)
+        self._velocity = drive_topic(source.velocity, TWIST, 2)
+        self._kind = TWIST
+        self._velocities: FollowedTopic | Subscription | None = self._listen_to_velocities(TWIST)
         self._listen(source.pose, POSE, self._reports.pose)
         if source.plan:
             self._listen(source.plan, "nav_msgs/msg/Path", self._reports.plan)
@@ -45,6 +52,18 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
     def of(cls, node: Node) -> NavigationEnds | None:
         source = node.config.topics.navigation
         return cls(node, source) if source else None
+
+    def surveyed(self) -> None:
+        """Read velocities as the robot's navigation publishes them: with a stamp or without."""
+        kind = kind_heard(
+            self._velocity, [one.topic_type for one in self._graph.publishers(self._velocity.name)]
+        )
+        if self._velocities is None:
+            self._velocities = self._listen_to_velocities(self._kind)
+        elif kind != self._kind:
+            # A process has one type of a topic: the executor may use the old subscription for a moment more.
+            self._velocities.unregister()
+            self._kind, self._velocities = kind, None
 
     def located(self) -> tuple[float, Pose] | None:
         return self._node.located()
@@ -82,7 +101,15 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
         header.frame_id = self._frame
         header.stamp.sec, header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
 
-    def _listen(self, topic: str, type_name: str, take: Callable[[Any], None]) -> None:
+    def _listen_to_velocities(self, kind: str) -> FollowedTopic | Subscription:
+        take = self._reports.velocity
+        return self._listen(
+            self._velocity.name, kind, take if kind == TWIST else lambda message: take(message.twist)
+        )
+
+    def _listen(
+        self, topic: str, type_name: str, take: Callable[[Any], None]
+    ) -> FollowedTopic | Subscription:
         """Give `take` the messages; of the pose also the last one, which localisation keeps while the robot stands."""
         kind = message_class(type_name)
 
@@ -90,9 +117,8 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
             take(deserialize_message(raw, kind))
 
         if type_name == POSE:
-            self._followed.listen(topic, type_name, read, kept)
-        else:
-            self._participant.listen(topic, type_name, read, sensor(1))
+            return self._followed.listen(topic, type_name, read, kept)
+        return self._participant.listen(topic, type_name, read, sensor(1))
 
     # --- on the executor's thread (actions.GoalListener) -------------------------------------------------
 

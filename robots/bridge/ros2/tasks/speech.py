@@ -26,8 +26,8 @@ class SpeechEnds(RobotPart):
         speech, participant = node.config.topics.speech, joined(node).participant
         if speech is None:
             return None
-        kind, reports = _KINDS[speech.type], SpeechReports(node)
-        return Voices(speech, lambda topic: kind(participant, topic, reports))
+        reports = SpeechReports(node)
+        return Voices(speech, lambda topic: _KINDS[topic.type](participant, topic, reports))
 
 
 class _TtsVoice(ActionEnds, GoalListener):

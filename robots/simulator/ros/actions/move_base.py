@@ -12,6 +12,7 @@ from robots.simulator.actions.navigation import NavigationServer
 from robots.simulator.navigation.navigator import GoalDrive, Phase
 from robots.simulator.robot import Robot
 from robots.simulator.ros_side import Goal, RosSide
+from robots.simulator.topics.velocities import Velocities
 
 
 class MoveBaseServer(NavigationServer):
@@ -24,7 +25,7 @@ class MoveBaseServer(NavigationServer):
             "/move_base_simple/goal", PoseStamped, lambda pose: goal.publish(_simple(pose)), queue_size=1
         )
         goals = ros.goals("/move_base", "move_base_msgs/MoveBase")
-        super().__init__(ros, robot, goals, "/nav_vel", "/move_base/GlobalPlanner/plan")
+        super().__init__(ros, robot, goals, "/nav_vel", "/move_base/GlobalPlanner/plan", Velocities(ros))
 
     def _target(self, request: Any) -> Any:
         return request.target_pose

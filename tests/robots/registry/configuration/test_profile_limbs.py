@@ -7,7 +7,9 @@ import pytest
 from robots.registry.configuration.profile_schema import topic_problems
 from robots.shared.configuration.bridge_config import (
     GRIPPER_COMMAND,
+    GRIPPER_COMMAND_2,
     TRAJECTORY,
+    TRAJECTORY_2,
     ArmSource,
     LimbSource,
     Topic,
@@ -36,6 +38,22 @@ def problems(limb: str = "gripper", **said: object) -> list[str]:
 )
 def test_a_gripper_has_a_trajectory_or_a_command_with_an_effort(said: dict[str, object]) -> None:
     assert problems(**said) == []
+
+
+def test_the_same_holds_for_the_types_of_ros_2() -> None:
+    def wrong(limb: str, kind: str, **said: float) -> list[str]:
+        source = LimbSource("/a", ["left"], (0.0, 0.05), 0.05, kind, **said)
+        drive, odometry = (
+            Topic("/key_vel", "geometry_msgs/msg/Twist"),
+            Topic("/odom", "nav_msgs/msg/Odometry"),
+        )
+        joints = Topic("/joint_states", "sensor_msgs/msg/JointState")
+        return list(topic_problems(Topics(drive, odometry, joint_states=joints, **{limb: source}), 2))  # type: ignore[arg-type]
+
+    assert wrong("gripper", GRIPPER_COMMAND_2, effort_n=30.0) == wrong("gripper", TRAJECTORY_2) == []
+    assert wrong("gripper", GRIPPER_COMMAND_2)[0].startswith("gripper.effort_n: ")
+    assert wrong("gripper", GRIPPER_COMMAND, effort_n=30.0)[0].startswith("gripper.type: ")
+    assert wrong("torso", GRIPPER_COMMAND_2, effort_n=30.0)[0].startswith("torso.type: ")
 
 
 @pytest.mark.parametrize("limb", ["gripper", "torso"])

@@ -192,6 +192,10 @@ def test_a_bridge_elsewhere_is_reached_by_tls_only(robot: Robot) -> None:
         (("laser",), "/scan", "laser: there is no such field"),
         (("drive",), {"name": "/cmd_vel"}, 'drive: belongs into the field "drive topic"'),
         (("head", "point_head"), "look", "head.point_head: 'look' is not a full ROS name"),
+        (("speech", "others"), [{"name": "say", "type": "std_msgs/String"}], "speech.others[0].name: 'say'"),
+        (("speech", "others"), [{"name": "/say", "type": "x/Y"}], "speech.others[0].type: 'x/Y'"),
+        (("speech", "others"), [{"name": "/tts", "type": "std_msgs/String"}], "'/tts' occurs twice"),
+        (("map", "others"), [{"name": "/m", "type": "nav_msgs/OccupancyGrid"}], "map.others: only speech"),
         (("cancel_on_stop", 0), "tts", "cancel_on_stop[0]: 'tts' is not a full ROS name"),
     ],
 )

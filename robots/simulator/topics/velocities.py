@@ -1,0 +1,36 @@
+"""Messages of velocities: geometry_msgs/Twist, or TwistStamped as later software has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robots.simulator.physics.base import Twist
+from robots.simulator.ros_side import RosSide
+
+OLD_S = 0.5  # of a stamp: the base's controller refuses what is older
+NANO = 1e-9
+
+
+class Velocities:
+    """The velocities of one robot."""
+
+    def __init__(self, ros: RosSide, *, stamped: bool = False) -> None:
+        self._ros, self._stamped = ros, stamped
+        self.kind = "geometry_msgs/TwistStamped" if stamped else "geometry_msgs/Twist"
+
+    def message(self, velocity: Twist) -> Any:
+        """Return the message of a velocity."""
+        twist = self._ros.new("geometry_msgs/Twist")
+        twist.linear.x, twist.angular.z = velocity.vx, velocity.w
+        if not self._stamped:
+            return twist
+        return self._ros.stamped(self._ros.new(self.kind, twist=twist), self._ros.now())
+
+    def read(self, message: Any) -> Twist | None:
+        """Return the velocity of a message; None: its stamp is too old."""
+        twist = message
+        if self._stamped:
+            twist = message.twist
+            if self._ros.now() * NANO - self._ros.seconds(message.header.stamp) > OLD_S:
+                return None
+        return Twist(twist.linear.x, twist.linear.y, twist.angular.z)
