@@ -1,4 +1,4 @@
-"""Moves of gripper and torso: rules that need no robot. tests/ros/limbs tests the other rules."""
+"""Moves of gripper and torso: rules that need no robot. tests/sides/test_limbs.py tests the other rules."""
 
 import math
 

@@ -10,7 +10,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, ArmSource, LimbSource, Topic
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
-from tests.ros.performing import numbers, perform
+from tests.ros.performing import numbers
 
 FINGERS = ["gripper_left_finger_joint", "gripper_right_finger_joint"]
 TOPICS = {
@@ -79,55 +79,6 @@ def holder(rosmaster, robot, tmp_path, request):
         hand.take_control(1)
         hand.let_go()
         yield Holder(process, hand)
-
-
-def test_the_gripper_opens_and_closes(holder):
-    end = holder.moves("gripper", 0.09)
-    assert (end.outcome, end.at_m) == ("done", pytest.approx(0.09, abs=THERE_M))
-    assert holder.moves("gripper", 0.0).outcome == "done"
-    assert holder.hand.state.limbs["gripper"].at_m < THERE_M
-    assert holder.moves("gripper", 0.03).at_m == pytest.approx(0.03, abs=THERE_M)
-    until(lambda: "limb.end done" in holder.process.recorded(), "the end on record")
-    kinds = [line.split()[0] for line in holder.process.recorded()]
-    assert kinds.index("limb.start") < kinds.index("limb.end")
-
-
-def test_the_torso_rises_and_a_stop_holds_it(holder):
-    assert holder.asks("torso", 0.35) is None
-    holder.until(lambda state: state.limbs["torso"].at_m > 0.2, "a torso that rises")
-    holder.hand.send(wire.LinkStop("Bob", "enough", seq=7))
-    end = holder.ended("torso")
-    assert end.outcome == "stopped" and 0.2 < end.at_m < 0.3
-    assert holder.asks("torso", 0.1).code == "stopped"
-
-
-@pytest.mark.parametrize("holder", [{"arm": None}], indirect=True)
-def test_limbs_of_a_robot_without_an_arm_move(holder):
-    assert holder.moves("gripper", 0.04).outcome == "done"
-    assert holder.moves("torso", 0.2).outcome == "done"
-
-
-def test_the_arm_must_be_at_home_for_the_torso(holder):
-    assert perform(holder.hand, "offer").outcome == "succeeded"
-    assert holder.asks("torso", 0.2).code == "arm_away"
-    assert holder.moves("gripper", 0.05).outcome == "done"
-    assert perform(holder.hand, "home").outcome == "succeeded"
-    assert holder.moves("torso", 0.15).outcome == "done"
-
-
-def test_joints_that_do_not_move_are_told(holder, fault):
-    fault("joints_stuck")
-    at_m = holder.hand.state.limbs["torso"].at_m
-    end = holder.moves("torso", 0.30 if at_m < 0.2 else 0.0)
-    assert end.outcome in {"no_progress", "failed"} and end.text
-
-
-def test_a_controller_that_never_answers_is_given_up(holder, fault):
-    fault("controllers_silent")
-    end = holder.moves("gripper", 0.09 if holder.hand.state.limbs["gripper"].at_m < 0.05 else 0.0)
-    assert end.outcome == "no_progress"  # the goal stays pending, and the fingers do not move
-    # The base waits until the controller no longer reports the goal.
-    until(lambda: holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(numbers))) is None, "a drive")
 
 
 @pytest.mark.parametrize("holder", [COMMANDED], indirect=True)

@@ -25,14 +25,10 @@ from robots.bridge.ros.sensors.tf import TfTopics
 from robots.places.selectors import place_of_robot
 from robots.records.bridge_records import AuditSink
 from robots.registry.models import RobotMap
-from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros1
-from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.records.record_sink import TakenMap
-from robots.shared.ros.master import Master as RosMaster
 from tests.processes import until
-from tests.ros.bridge_support import running_bridge, tiago_config
 from tests.ros.support import Master
 
 MAP = Topic("/map", "nav_msgs/OccupancyGrid")
@@ -69,11 +65,6 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     assert RobotMap.objects.filter(robot=robot).count() == 1
 
 
-def hears_tf(master):
-    subscribers = RosMaster(master.uri, "/test").system_state().subscribers
-    return [BRIDGE in subscribers.get(topic, []) for topic in ("/tf", "/tf_static")] == [True, True]
-
-
 def test_the_map_pose_is_known_without_a_depth_camera(ros):
     with ros.listen("/ground_truth/pose", Odometry) as truth:
         at = truth.next().pose.pose.position
@@ -84,19 +75,6 @@ def test_the_map_pose_is_known_without_a_depth_camera(ros):
     assert (pose.x, pose.y) == pytest.approx((at.x, at.y), abs=0.1)  # it has not driven: its odometry is zero
     on_demand.set_wanted(False)
     until(lambda: tf.located() is None, "nothing is known any more")
-
-
-def test_a_bridge_takes_the_map_when_control_is_taken(rosmaster, tmp_path):
-    config = tiago_config(rosmaster, tmp_path, topics={"map": MAP})
-    with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
-        hand.state_until(lambda state: state.phase == "online", "a robot")
-        assert "map" not in bridge.records.read_text()
-        assert not hears_tf(rosmaster)
-        hand.take_control(7)
-        until(lambda: "map 200 x 140" in bridge.records.read_text(), "a map")
-        until(lambda: hears_tf(rosmaster), "it hears where the odometry is on the map")
-        hand.send(wire.Revoke(7, "the test is over"))
-        until(lambda: not hears_tf(rosmaster), "it leaves the robot alone")
 
 
 def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
@@ -113,22 +91,6 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
         teleport.publish(Pose2D(3.0, 1.8, 0.0))
         while believed() != pytest.approx((3.0, 1.8, 0.0), abs=0.1):
             pass  # a robot that somebody carried is localised again at once; its odometry stays
-
-
-@pytest.mark.parametrize(
-    ("topic", "why"),
-    [
-        (Topic("/nowhere", MAP.type), "nobody publishes /nowhere"),
-        (
-            Topic("/mobile_base_controller/odom", MAP.type),
-            "publishes nav_msgs/Odometry, not nav_msgs/OccupancyGrid",
-        ),
-    ],
-)
-def test_a_missing_map_is_explained(rosmaster, topic, why):
-    found = read_map(MapWanted(Ros1(rosmaster.uri), topic))
-    assert isinstance(found, NoMap)
-    assert why in found.why
 
 
 def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
