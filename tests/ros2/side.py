@@ -61,6 +61,11 @@ class Side:
             assert words[0] != "ended", f"the process has ended; no such line: {begin}"
             assert time.monotonic() < until_s, f"no such line: {begin}"
 
+    def forget(self) -> None:
+        """Drop the lines that have come."""
+        while not self._lines.empty():
+            self._lines.get()
+
     def say(self, line: str) -> None:
         assert self.process.stdin is not None
         self.process.stdin.write(f"{line}\n")

@@ -32,6 +32,7 @@ STRANGERS = {
     "comers": [("comers",)],
     "huge_map": [("huge_map", "10000")],
 }
+DEEDS = {"topics": 10_000, "comers": 100}  # before the first press
 
 
 @pytest.fixture(scope="module", params=STRANGERS)
@@ -49,16 +50,18 @@ def domain(role: str) -> Iterator[int]:
 
 def test_a_press_stops_the_robot(role: str, domain: int, config: BridgeConfig, hand: Hand) -> None:  # noqa: F811
     hand.state_until(drivable, "a robot that can be driven")
-    hand.take_control(1, 300.0)
     visitor = Visitor("tests.ros2.visitor", domain)
     visitor.ask(listen="/key_vel", kind="geometry_msgs/Twist")
     took = []
     with ExitStack() as stack:
         stack.callback(visitor.close)
         for words in STRANGERS[role]:
-            stack.enter_context(stranger(domain, *words))
+            side = stack.enter_context(stranger(domain, *words))
+            side.await_line("done", lambda words: int(words[1]) >= DEEDS.get(role, 1))
+        hand.take_control(1)
         for number in range(PRESSES):
             hand.drive_until(0.2, lambda state: state.odometry.vx > 0.02, "motion")
+            visitor.forget()
             visitor.hear("/key_vel", lambda twist: twist["linear"]["x"] > 0.0)
             pressed_s = time.monotonic()
             press(hand, config, by_watchdog=bool(number % 2))
