@@ -26,11 +26,17 @@ TWISTS: dict[str, type[Any]] = {
 }
 
 
-def kind_heard(drive: Topic, heard: Iterable[str]) -> str:
-    """Return the type for velocities: as entered if a listener has it, else the only other one that a listener has."""
-    kinds = set(heard)
-    others = {one.type for one in drive.others} & kinds
-    return others.pop() if drive.type not in kinds and len(others) == 1 else drive.type
+def kind_heard(drive: Topic, heard: Iterable[str], now: str) -> str:
+    """Return the type for velocities: the present one while a listener has it, else as entered, else the only other.
+
+    So no further listener can take the velocities away from the robot. Where none fits, the type stays.
+    """
+    kinds = {drive.type, *(one.type for one in drive.others)} & set(heard)
+    if now in kinds or not kinds:
+        return now
+    if drive.type in kinds:
+        return drive.type
+    return kinds.pop() if len(kinds) == 1 else now
 
 
 def kind_of(publisher: Any) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from msgspec.structs import replace
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
@@ -22,17 +23,21 @@ from robots.bridge.robot.board import BOARD
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import Graph
+from robots.bridge.ros2.network.survey import is_there, wanted_kind
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import kept, pictures, sensor
 from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
-from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.bridge_config import Topic, drive_topic
 from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.texts import MOST_NODES
 from tests.bridge.support import CONFIG
 from tests.ros2.hostile.stranger import leave, member
 
 DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 ACTION, KIND = "/play_motion2", "play_motion2_msgs/action/PlayMotion2"
+PLAIN, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+DRIVE_TOPIC = drive_topic("/key_vel", PLAIN, 2)
 PATIENCE_S = 15.0
 EXECUTING, SUCCEEDED = 2, 4
 KEPT = DurabilityPolicy.TRANSIENT_LOCAL
@@ -201,6 +206,32 @@ def qos(participant: Participant) -> None:
     followed.listen("/kept", "std_msgs/msg/String", take, kept)
     until(lambda: (followed.follow(), "kept" in heard)[1], "what stays")
     tell("heard", "kept")
+
+
+# --- who listens ----------------------------------------------------------------------------------
+
+
+def kinds(participant: Participant) -> None:
+    """A stranger listens to velocities of the type that is entered, the robot to the other; then both leave."""
+    graph, node, now = Graph(participant.node), member("base"), PLAIN
+    node.create_subscription(TwistStamped, "/key_vel", print, 1)
+    until(lambda: wanted_kind(graph, DRIVE_TOPIC, now) == STAMPED, "what the robot takes")
+    now = STAMPED
+    stranger = member("stranger")
+    stranger.create_subscription(Twist, "/key_vel", print, 1)
+    until(lambda: len(graph.subscribers("/key_vel")) == 2, "both")
+    tell("kind", wanted_kind(graph, DRIVE_TOPIC, now))
+    leave(stranger)
+    stranger = member("crowd")
+    for _ in range(MOST_NODES):
+        stranger.create_subscription(Twist, "/key_vel", print, 1)
+    until(lambda: graph.is_crowded("/key_vel"), "a crowd")
+    tell("kind", wanted_kind(graph, DRIVE_TOPIC, now))
+    tell("there", is_there(graph, replace(CONFIG.topics, drive=DRIVE_TOPIC), "/key_vel"))
+    leave(stranger)
+    leave(node)
+    member("another").create_subscription(Twist, "/key_vel", print, 1)
+    until(lambda: wanted_kind(graph, DRIVE_TOPIC, now) == PLAIN, "what another robot takes")
 
 
 # --- floods ---------------------------------------------------------------------------------------

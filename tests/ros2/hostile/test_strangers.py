@@ -71,6 +71,15 @@ def test_publishers_may_change_what_they_offer(domain: int) -> None:
             assert side.await_line("heard") == ["heard", *words]
 
 
+def test_further_listeners_take_no_velocities_away_from_the_robot(domain: int) -> None:
+    """One of another type, and a crowd in which the robot cannot be found."""
+    with scenario(domain, "kinds") as side:
+        for _ in range(2):
+            assert side.await_line("kind") == ["kind", "geometry_msgs/msg/TwistStamped"]
+        assert side.await_line("there") == ["there", "True"]
+        side.await_line("over")
+
+
 def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> None:
     with stranger(domain, "strings", "3000000"), scenario(domain, "flood", "3") as side:
         assert int(side.await_line("grown")[1]) < GROWN_MB

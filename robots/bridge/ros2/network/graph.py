@@ -53,7 +53,7 @@ class Graph:
             elif sending or hearing:
                 types[name] = _type_of(_takers(sending, hearing) or sending + hearing)
         is_cut = len(topics) > MOST_TOPICS or len(looked_up) > MOST_LOOKED_UP
-        is_cut |= any(map(self._is_crowded, looked_up[:MOST_LOOKED_UP]))
+        is_cut |= any(map(self.is_crowded, looked_up[:MOST_LOOKED_UP]))
         return SystemState(publishers, subscribers, types, {}, is_cut)
 
     def publishers(self, topic: str) -> list[TopicEndpointInfo]:
@@ -77,7 +77,8 @@ class Graph:
         known = self._known(fitting)
         return known, len(fitting) - len(known)
 
-    def _is_crowded(self, topic: str) -> bool:
+    def is_crowded(self, topic: str) -> bool:
+        """Return whether a topic has too many publishers or subscribers to look at."""
         return bool(max(self._node.count_publishers(topic), self._node.count_subscribers(topic)) > MOST_NODES)
 
     def _known(self, endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:

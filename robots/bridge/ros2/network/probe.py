@@ -126,7 +126,7 @@ def _commanded(participant: Participant, topic: Topic) -> DriveFound:
     listeners = [
         one for one in node.get_subscriptions_info_by_topic(topic.name) if not is_own(node_name(one))
     ]
-    kind = kind_heard(topic, [one.topic_type for one in listeners])
+    kind = kind_heard(topic, [one.topic_type for one in listeners], topic.type)
     types = sorted({one.topic_type for one in listeners} - {kind})
     fitting = [one for one in listeners if one.topic_type == kind]
     unfit = refused(DRIVE, fitting)

@@ -48,18 +48,23 @@ def find_robot(participant: Participant, topics: Topics) -> bool:
 
 
 def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
-    """Return whether the robot publishes odometry, or listens to the drive topic."""
-    return bool(_others(graph.publishers(topics.odometry.name)) or _others(graph.subscribers(drive)))
+    """Return whether the robot publishes odometry, or listens to the drive topic. A crowd may hide it."""
+    odometry = topics.odometry.name
+    if graph.is_crowded(odometry) or graph.is_crowded(drive):
+        return True
+    return bool(_others(graph.publishers(odometry)) or _others(graph.subscribers(drive)))
 
 
 def wanted_kind(graph: Graph, drive: Topic, now: str) -> str:
-    """Return the type of velocities that the robot takes on a topic; `now` if that cannot be read."""
+    """Return the type of velocities that the robot takes on a topic; `now` if that cannot be read, or not yet."""
     try:
+        if graph.listeners(drive.name, now)[1]:  # has no name yet: it may be the robot's
+            return now
         listeners = _others(graph.subscribers(drive.name))
     except Exception:  # what strangers call their nodes
         log.exception("who listens to %s cannot be read", drive.name)
         return now
-    return kind_heard(drive, [one.topic_type for one in listeners])
+    return kind_heard(drive, [one.topic_type for one in listeners], now)
 
 
 class Problems:

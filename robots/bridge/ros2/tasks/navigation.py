@@ -56,7 +56,9 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
     def surveyed(self) -> None:
         """Read velocities as the robot's navigation publishes them: with a stamp or without."""
         kind = kind_heard(
-            self._velocity, [one.topic_type for one in self._graph.publishers(self._velocity.name)]
+            self._velocity,
+            [one.topic_type for one in self._graph.publishers(self._velocity.name)],
+            self._kind,
         )
         if self._velocities is None:
             self._velocities = self._listen_to_velocities(self._kind)
