@@ -13,3 +13,11 @@ def test_an_unreadable_answer_makes_nothing_else_unheard(domain: int) -> None:
         assert side.await_line("services") == ["services", "/list"]  # none that a stranger could call
     finally:
         side.close()
+
+
+def test_all_that_came_during_a_rest_is_read_before_the_next_one(domain: int) -> None:
+    side = Side("tests.ros2.rests_side", domain)
+    try:
+        assert side.await_line("read") == ["read", "8"]
+    finally:
+        side.close()

@@ -16,7 +16,12 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import (
+    ExternalShutdownException,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -84,7 +89,6 @@ class Participant:
         self._on_failed = on_failed
         self._rests = rests
         self._hurries = threading.Event()
-        self._taken = 0  # messages
         self._closing = False
         rclpy.init(
             args=[],
@@ -147,7 +151,6 @@ class Participant:
 
         def receive_all(raw: bytes, info: Any) -> None:
             """Take what waits in the queue too: rclpy would take one message for each wait."""
-            self._taken += 1
             receive(raw, info)
             with suppress(InvalidHandle), subscription.handle:
                 for _ in range(qos.depth - 1):
@@ -213,18 +216,26 @@ class Participant:
 
     def _call_back(self) -> None:
         """Call callbacks until the end."""
+        patience_s = None if self._rests is None else 0.0
         while not self._closing:
-            if self._rests is None:
-                self._executor.spin_once()
+            try:
+                call, _, _ = self._executor.wait_for_ready_callbacks(patience_s)
+            except TimeoutException:  # after each batch
+                self._rest()
                 continue
-            taken = self._taken
-            self._executor.spin_once(0.0)  # after a batch it calls nothing, and waits for nothing
-            if self._taken > taken:
-                continue
-            if self._hurries.is_set():
-                time.sleep(self._rests.hurried_s)
-            else:
-                self._hurries.wait(self._rests.seconds())
+            except ShutdownException:
+                return
+            call()
+            if (error := call.exception()) is not None:
+                raise error
+
+    def _rest(self) -> None:
+        if self._rests is None:
+            return
+        if self._hurries.is_set():
+            time.sleep(self._rests.hurried_s)
+        else:
+            self._hurries.wait(self._rests.seconds())
 
     def _let_all_run(self) -> None:
         """Forget which callback failed: for the executor it still runs, so it would never be called again."""

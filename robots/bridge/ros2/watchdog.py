@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import threading
 import time
@@ -30,6 +31,7 @@ log = logging.getLogger(__name__)
 FLUSH_S = 0.1
 LOOK_S = 1.0  # between two looks at the type of velocities, and at the networks of this computer
 LEAVE_S = 1.0
+ZEROED_S = 3.0  # after a zero that reached the robot, more may be due: this process must not end
 
 
 class WatchdogNode:
@@ -43,6 +45,7 @@ class WatchdogNode:
         self._drives: dict[str, Any] = {}
         self._cancels: list[Any] = []
         self._listeners: Listeners
+        self._zeroed_s = -math.inf  # when a zero reached the robot last
         self._news = threading.Event()
         self._ending = False
 
@@ -69,6 +72,8 @@ class WatchdogNode:
                 reached += self._listeners.of(name, publisher)
             except InvalidHandle as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)
+        if reached:
+            self._zeroed_s = time.monotonic()
         return reached
 
     def cancel(self) -> None:
@@ -112,7 +117,7 @@ class WatchdogNode:
 
     def _is_cut_off(self, joined: Joined, listeners: Listeners) -> bool:
         """Return whether zeros may not reach a robot that a new process would reach."""
-        if not joined.new():
+        if not joined.new() or time.monotonic() - self._zeroed_s < ZEROED_S:
             return False
         return joined.moved() or not any(listeners.of(*each) for each in self._drives.items())
 

@@ -57,5 +57,7 @@ class Joined:
         return bool(interfaces() - self._before) and not self._stays_here
 
     def moved(self) -> bool:
-        """Return whether there is one that DDS does not use in place of one that it does: a new address, say."""
-        return self.new() and bool(self._before - interfaces())
+        """Return whether one that DDS uses has another address now, as DHCP gives one."""
+        before, now = self._before, interfaces()
+        has_gone = {one.number for one in before - now}
+        return self.new() and any(one.number in has_gone for one in now - before)
