@@ -262,7 +262,8 @@ class Bridge:
         """Send the watchdog a heartbeat with the bridge's state."""
         stop = self._core.stop_state
         beat = Heartbeat(
-            publishing=self._core.publishing(now_s) and self._base.listeners > 0,
+            publishing=self._core.publishing(now_s),
+            listened=self._base.listeners > 0,
             latched=stop.state != "clear",
             by=stop.by or "",
             reason=stop.reason,

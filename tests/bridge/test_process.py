@@ -44,6 +44,16 @@ async def test_ticks_are_frequent_while_a_stop_is_latched(bridge):
     assert not bridge._wake.is_set(), "a flood of stops costs no ticks"
 
 
+async def test_the_watchdog_hears_of_twists_whoever_listens(bridge, monkeypatch):
+    """A stranger may hide who listens: if the bridge dies, the watchdog must send zeros all the same."""
+    beats = []
+    monkeypatch.setattr(bridge._watchdog, "beat", lambda beat, _now_s: beats.append(beat))
+    bridge._core.stop("Ann", "", time.monotonic())
+    assert not bridge._base.listeners
+    bridge._beat(time.monotonic())
+    assert beats[-1].publishing and not beats[-1].listened
+
+
 async def test_a_robot_at_rest_under_control_gets_zeros_between_ticks(bridge, monkeypatch):
     done, core = [], bridge._core
 

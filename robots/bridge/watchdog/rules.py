@@ -25,7 +25,8 @@ QUIET_AFTER_S, REACHES_S = 1.0, 10.0
 class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
     """Bridge to watchdog, with each tick: the bridge's present state."""
 
-    publishing: bool = False  # twists reach the robot: during control, a stop, or shortly after
+    publishing: bool = False  # twists are sent: during control, a stop, or shortly after
+    listened: bool = True  # a node of the robot is known to get them
     latched: bool = False  # the bridge's stop is latched; `by` and `reason` belong to it
     by: str = ""
     reason: str = ""
@@ -122,7 +123,8 @@ class StopRules:
 
     def cancel(self, now_s: float) -> bool:
         """Return whether the watchdog must cancel goals, because no bridge that reaches the robot does it."""
-        works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
+        reaches = self._beat.publishing and self._beat.listened
+        works = self._bridge_lives and reaches and now_s - self._beat_s < SILENT_S
         lost = not self._bridge_lives or self.hung(now_s) is not None
         return (lost and self._unwatched(now_s)) or (self.latched and (self.own is not None or not works))
 

@@ -106,8 +106,9 @@ def test_stop_without_a_bridge_is_sent_to_the_next_one() -> None:
     assert rules.beat(Heartbeat(), 2.0) == press
 
 
-def test_watchdog_cancels_if_bridge_does_not_reach_the_robot(rules: StopRules) -> None:
-    rules.beat(Heartbeat(publishing=False, latched=True), 10.1)
+@pytest.mark.parametrize("beat", [Heartbeat(latched=True), Heartbeat(True, listened=False, latched=True)])
+def test_watchdog_cancels_if_bridge_does_not_reach_the_robot(rules: StopRules, beat: Heartbeat) -> None:
+    rules.beat(beat, 10.1)
     assert rules.cancel(10.1)
 
 

@@ -22,10 +22,10 @@ from std_msgs.msg import String
 from robots.bridge.robot.board import BOARD
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.message_types import message_class
-from robots.bridge.ros2.network.graph import Graph
-from robots.bridge.ros2.network.survey import is_there, wanted_kind
+from robots.bridge.ros2.network.graph import UNNAMED, Graph
+from robots.bridge.ros2.network.survey import Listeners, is_there, wanted_kind
 from robots.bridge.ros2.participant import Participant
-from robots.bridge.ros2.qos import kept, pictures, sensor
+from robots.bridge.ros2.qos import DRIVE, kept, pictures, sensor
 from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
 from robots.shared.configuration.bridge_config import Topic, drive_topic
@@ -232,6 +232,28 @@ def kinds(participant: Participant) -> None:
     leave(node)
     member("another").create_subscription(Twist, "/key_vel", print, 1)
     until(lambda: wanted_kind(graph, DRIVE_TOPIC, now) == PLAIN, "what another robot takes")
+
+
+def unfit(participant: Participant) -> None:
+    """Listeners that DDS does not connect beside the robot's: of the console by name; too new to have a name."""
+    member("base").create_subscription(Twist, "/key_vel", print, 1)
+    publisher = participant.node.create_publisher(Twist, "/key_vel", DRIVE)
+    graph, kept_qos = Graph(participant.node), QoSProfile(depth=1, durability=KEPT)
+    until(lambda: len(graph.subscribers("/key_vel")) == 1, "the robot")
+    until(publisher.get_subscription_count, "that DDS connects the two")
+    member("fleet_bridge_x").create_subscription(Twist, "/key_vel", print, kept_qos)
+    until(lambda: len(graph.subscribers("/key_vel")) == 2, "the stranger")
+    tell("listeners", Listeners(graph).of("/key_vel", publisher))
+    names, node = participant.node.get_subscriptions_info_by_topic, participant.node
+
+    def without_names(topic: str) -> Any:
+        for one in (found := names(topic)):
+            if one.node_name != "base":
+                one.node_name = UNNAMED
+        return found
+
+    node.get_subscriptions_info_by_topic = without_names  # the moment in which a name is not known is short
+    tell("listeners", Listeners(Graph(node)).of("/key_vel", publisher))
 
 
 # --- floods ---------------------------------------------------------------------------------------

@@ -80,6 +80,12 @@ def test_further_listeners_take_no_velocities_away_from_the_robot(domain: int) -
         side.await_line("over")
 
 
+def test_listeners_that_dds_does_not_connect_hide_no_robot(domain: int) -> None:
+    with scenario(domain, "unfit") as side:
+        for _ in range(2):
+            assert side.await_line("listeners") == ["listeners", "1"]
+
+
 def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> None:
     with stranger(domain, "strings", "3000000"), scenario(domain, "flood", "3") as side:
         assert int(side.await_line("grown")[1]) < GROWN_MB

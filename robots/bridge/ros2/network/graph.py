@@ -68,12 +68,14 @@ class Graph:
             return []
         return self._known(self._node.get_subscriptions_info_by_topic(topic))
 
-    def listeners(self, topic: str, kind: str) -> tuple[list[TopicEndpointInfo], int]:
-        """Return the subscribers of a topic with this type, and how many more are too new to have a node's name."""
+    def listeners(
+        self, topic: str, fits: Callable[[TopicEndpointInfo], bool]
+    ) -> tuple[list[TopicEndpointInfo], int]:
+        """Return the subscribers of a topic that fit, and how many more are too new to have a node's name."""
         if self._node.count_subscribers(topic) > MOST_NODES:
             return [], 0
         found = self._node.get_subscriptions_info_by_topic(topic)
-        fitting = [one for one in found if one.topic_type == kind]
+        fitting = list(filter(fits, found))
         known = self._known(fitting)
         return known, len(fitting) - len(known)
 

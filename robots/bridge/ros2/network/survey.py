@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -58,7 +59,7 @@ def is_there(graph: Graph, topics: Topics, drive: str) -> bool:
 def wanted_kind(graph: Graph, drive: Topic, now: str) -> str:
     """Return the type of velocities that the robot takes on a topic; `now` if that cannot be read, or not yet."""
     try:
-        if graph.listeners(drive.name, now)[1]:  # has no name yet: it may be the robot's
+        if graph.listeners(drive.name, _connects(now))[1]:  # has no name yet: it may be the robot's
             return now
         listeners = _others(graph.subscribers(drive.name))
     except Exception:  # what strangers call their nodes
@@ -103,6 +104,11 @@ def _others(endpoints: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
     return [one for one in endpoints if not is_own(node_name(one))]
 
 
+def _connects(kind: str) -> Callable[[TopicEndpointInfo], bool]:
+    """Return whether DDS connects a listener with the console's velocities of this type."""
+    return lambda one: one.topic_type == kind and not refused(DRIVE, [one])
+
+
 class Listeners:
     """How many of the robot's nodes listen to a drive topic: the console's own do not move. For one thread."""
 
@@ -124,7 +130,7 @@ class Listeners:
     def _own(self, topic: str, kind: str) -> tuple[int, int]:
         """Return how many may be the console's own, and how many of these are too new to be known."""
         try:
-            known, new = self._graph.listeners(topic, kind)
+            known, new = self._graph.listeners(topic, _connects(kind))
         except Exception:  # what strangers call their nodes; a zero or a twist must go out all the same
             log.exception("who listens to %s cannot be read", topic)
             return 0, 0
