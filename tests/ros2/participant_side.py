@@ -1,18 +1,20 @@
-"""A participant whose executor cannot take one answer of a service, and what it still hears and is answered then."""
+"""A participant whose executor cannot take many answers of a service, and what it still hears and is answered then."""
 
 import robots.bridge.ros2  # noqa: F401, I001  (first: makes rclpy importable)
 
 import os
 import sys
 import threading
+import time
 from typing import Any
 
 from rcl_interfaces.srv import ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 
-from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.participant import MOST_FAILURES, Participant
 from robots.bridge.ros2.qos import EVENTS
+from robots.shared.unreachable import Unreachable
 
 NAME, PATIENCE_S = "fleet_try", 10.0
 
@@ -23,12 +25,15 @@ def main() -> None:
     failed, heard, answered = threading.Event(), threading.Event(), threading.Event()
     take = SingleThreadedExecutor._take_client
 
-    def fail_once(executor: Any, client: Any) -> Any:
-        SingleThreadedExecutor._take_client = take
-        failed.set()
+    failures = iter(range(MOST_FAILURES + 1))
+
+    def fail(executor: Any, client: Any) -> Any:
+        if next(failures, None) is None:
+            failed.set()
+            return take(executor, client)
         raise RuntimeError("an unreadable answer")
 
-    SingleThreadedExecutor._take_client = fail_once
+    SingleThreadedExecutor._take_client = fail
     participant.listen("/words", "std_msgs/msg/String", lambda raw, info: heard.set(), EVENTS)
     node.create_service(ListParameters, "/list", lambda request, answer: answer)
     words, client = (
@@ -43,9 +48,22 @@ def main() -> None:
     client.call_async(ListParameters.Request()).add_done_callback(lambda _: answered.set())
     print("heard", heard.wait(PATIENCE_S), flush=True)
     print("answered", answered.wait(PATIENCE_S), flush=True)
+    print("asked", _is_asked(participant), flush=True)
+    node.create_service(ListParameters, "/list", lambda request, answer: answer)
+    while node.count_services("/list") < 2:
+        time.sleep(0.02)
+    print("asked", _is_asked(participant), flush=True)
     services = node.get_service_names_and_types_by_node(NAME, "/")
     print("services", *(name for name, _ in services), flush=True)
     os._exit(0)
+
+
+def _is_asked(participant: Participant) -> bool:
+    try:
+        participant.ask(ListParameters, "/list", ListParameters.Request(), PATIENCE_S)
+    except Unreachable:
+        return False
+    return True
 
 
 if __name__ == "__main__":

@@ -5,11 +5,13 @@ from tests.ros2.side import Side, needs_rclpy
 pytestmark = needs_rclpy
 
 
-def test_an_unreadable_answer_makes_nothing_else_unheard(domain: int) -> None:
+def test_unreadable_answers_end_nothing_and_two_servers_are_not_asked(domain: int) -> None:
     side = Side("tests.ros2.participant_side", domain)
     try:
         assert side.await_line("heard") == ["heard", "True"]
         assert side.await_line("answered") == ["answered", "True"]
+        assert side.await_line("asked") == ["asked", "True"]
+        assert side.await_line("asked") == ["asked", "False"]
         assert side.await_line("services") == ["services", "/list"]  # none that a stranger could call
     finally:
         side.close()

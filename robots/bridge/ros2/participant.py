@@ -29,6 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from robots.bridge.robot.board import BOARD
 from robots.bridge.ros2.message_types import message_class
+from robots.bridge.ros2.qos import ONE_ANSWER
 from robots.bridge.ros2.sizes import most_bytes
 from robots.bridge.ros2.versions import Versions
 from robots.shared.processes.memory import end_without_memory
@@ -70,6 +71,19 @@ class _AllAtOnce(ReentrantCallbackGroup):  # type: ignore[misc]
         """Do nothing."""
 
 
+class _Executor(SingleThreadedExecutor):  # type: ignore[misc]
+    """Goes on when an answer of a service cannot be read: a stranger may send any number of them."""
+
+    def _take_client(self, client: Any) -> Any:
+        try:
+            return super()._take_client(client)
+        except MemoryError:
+            raise
+        except Exception:
+            log.debug("an answer of %s could not be read", client.srv_name, exc_info=True)
+            return None
+
+
 class Participant:
     """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments.
 
@@ -107,7 +121,7 @@ class Participant:
         )
         self.node._default_callback_group = _AllAtOnce()
         # The EventsExecutor of Kilted needs less, but hands over one message of a raw subscription and then none.
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = _Executor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name="ros2", daemon=True)
 
@@ -165,14 +179,20 @@ class Participant:
         return Subscription(self.node, subscription)
 
     def ask(self, kind: Any, service: str, request: Any, patience_s: float) -> Any:
-        """Call a service and return its answer. Raises `Unreachable`. Not for the executor's thread."""
-        client, answered = self.node.create_client(kind, service), threading.Event()
+        """Call a service and return its answer. Raises `Unreachable`. Not for the executor's thread.
+
+        A service that several nodes serve is not asked: one of them may be a stranger.
+        """
+        client = self.node.create_client(kind, service, qos_profile=ONE_ANSWER)
+        answered = threading.Event()
         until_s = time.monotonic() + patience_s
         try:
             while not client.service_is_ready():
                 if time.monotonic() >= until_s:
                     raise Unreachable(say("no node of the robot serves {service}", service=service))
                 time.sleep(LOOK_S)
+            if self.node.count_services(service) > 1:
+                raise Unreachable(say("several nodes serve {service}: none is asked", service=service))
             answer = client.call_async(request)
             answer.add_done_callback(lambda _: answered.set())
             if not answered.wait(max(until_s - time.monotonic(), LOOK_S)):
@@ -192,7 +212,7 @@ class Participant:
         rclpy.shutdown(context=self._context)
 
     def _spin(self) -> None:
-        """Call callbacks until the end. A stranger's answer to a service may be unreadable: the others count."""
+        """Call callbacks until the end."""
         failures = 0
         while True:
             began_s = time.monotonic()
