@@ -16,6 +16,7 @@ from typing import Any
 from rclpy.node import Node
 
 from robots.bridge.ros2.network.graph import node_name
+from robots.shared.texts import MOST_NODES
 
 HASHED = "RIHS"  # begins each digest
 MOST_KNOWN = 500  # publishers of a topic
@@ -43,9 +44,11 @@ class Versions:
 
     def _look(self) -> None:
         self._looked_s = time.monotonic()
+        if self._node.count_publishers(self._topic) > MOST_NODES:  # a look would take long
+            return
         while len(self._known) > MOST_KNOWN:
             del self._known[next(iter(self._known))]
-        for one in self._node.get_publishers_info_by_topic(self._topic)[:MOST_KNOWN]:
+        for one in self._node.get_publishers_info_by_topic(self._topic):
             theirs = str(one.topic_type_hash)
             differs = theirs.startswith(HASHED) and theirs != self._ours
             self._known[bytes(one.endpoint_gid)] = node_name(one) if differs else ""

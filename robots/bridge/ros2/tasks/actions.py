@@ -174,7 +174,8 @@ class ActionEnds:
         """Forget what servers said that have left: another one may have come in their place, and knows no goal."""
         if not is_there:
             self._said.clear()
-        if any(self._said.values()):
+        # Of too many publishers a look would take long.
+        if any(self._said.values()) and self._node.count_publishers(self._status) <= MOST_NODES:
             found = self._node.get_publishers_info_by_topic(self._status)
             there = {b"", *(bytes(one.endpoint_gid) for one in found)}
             for gone in self._said.keys() - there:
