@@ -40,12 +40,12 @@ def pictures(offered: Iterable[QoSProfile]) -> QoSProfile:
 def kept(offered: Iterable[QoSProfile]) -> QoSProfile:
     """Return the profile with which the message that stays is read: from the publishers that keep theirs, if any does.
 
-    A stranger that keeps none must not hide it.
+    A stranger that keeps none, or whose best effort would bring nobody what is kept, must not hide it.
     """
     profiles = list(offered)
-    return as_offered(
-        [one for one in profiles if one.durability == DurabilityPolicy.TRANSIENT_LOCAL] or profiles
-    )
+    keeping = [one for one in profiles if one.durability == DurabilityPolicy.TRANSIENT_LOCAL]
+    sure = [one for one in keeping if one.reliability == ReliabilityPolicy.RELIABLE]
+    return as_offered(sure or keeping or profiles)
 
 
 def as_offered(offered: Iterable[QoSProfile]) -> QoSProfile:
@@ -83,5 +83,5 @@ EVENTS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-# Of services whose answers nobody reads: one of them waits in DDS.
+# Of services that are asked once, or whose answers nobody reads: one of them waits in DDS.
 ONE_ANSWER = DRIVE

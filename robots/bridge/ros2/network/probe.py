@@ -40,7 +40,7 @@ from robots.bridge.ros2.network.searching import (
     why_not_found,
 )
 from robots.bridge.ros2.participant import Participant
-from robots.bridge.ros2.qos import DRIVE, STATIC, as_offered
+from robots.bridge.ros2.qos import DRIVE, STATIC, as_offered, kept
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2, ros2
@@ -93,7 +93,7 @@ def _until(is_true: Callable[[], bool], seconds: float) -> bool:
 
 
 def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
-    description = Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False)
+    description = Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False, kept="may")
     heard = [_Heard(participant, one) for one in [*plan.listened, description]]
     participant.start()
     _until(lambda: all(one.done for one in heard), plan.listen_s + CONNECTED_S)
@@ -191,10 +191,9 @@ class _Heard:
         self._type = listened.type if self._fitting else next(iter(found_types), None)
         self.done = not is_read or listened.type.endswith(FEEDBACK)  # whose actions may stay silent for hours
         if is_read:
-            offered = (
-                STATIC if listened.kept == "must" else as_offered(one.qos_profile for one in self._publishers)
-            )
-            participant.listen(listened.topic, kind, self._take, offered, LARGEST)
+            asked = {"no": as_offered, "may": kept, "must": lambda _: STATIC}[listened.kept]
+            qos = asked(one.qos_profile for one in self._fitting)
+            participant.listen(listened.topic, kind, self._take, qos, LARGEST)
 
     def _take(self, raw: bytes, _info: Any) -> None:
         self._messages, self.last = self._messages + 1, raw
