@@ -20,7 +20,7 @@ def namespace_check(odometry: str, namespaces: list[str]) -> Check:
     """Return that the robot's names begin otherwise than the registry says: then none of them is found."""
     text = _("No node publishes %(topic)s, but there is such a topic in the namespace %(found)s.")
     words = {"topic": odometry, "found": listed([one or "/" for one in namespaces])}
-    advice = _("Enter it as the robot’s namespace; if it is /, none.")
+    advice = _("Is that this robot? Then enter its namespace; if it is /, none. It may be another robot.")
     return Check(_("namespace"), FAIL, text % words, advice)
 
 
