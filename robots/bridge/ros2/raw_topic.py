@@ -178,7 +178,7 @@ class RawTopic:
             self._subscription = None
 
     def _receive(self, type_name: str, data: bytes, info: Any) -> None:
-        now_s, before_s = time.monotonic(), self._came_s
+        now_s = time.monotonic()
         if len(data) > self._largest:  # then fewer may wait
             self._largest, self._due_s = len(data), 0.0
             self._look()
@@ -186,11 +186,10 @@ class RawTopic:
             complain_of_size(self._topic, len(data), MOST_BYTES)
             return
         self._take(self._speaker_of(info.get("publisher_gid"), type_name), data)
-        if (
-            now_s - before_s < OFTEN_S
-        ):  # then DDS keeps the newest: a flood costs as much as 1,000 messages a second
+        # DDS keeps the newest meanwhile: a flood costs as much as 1,000 messages a second
+        if now_s - self._came_s < OFTEN_S:
             time.sleep(OFTEN_S)
-        self._came_s = now_s
+        self._came_s = time.monotonic()
 
     def _speaker_of(self, gid: Any, type_name: str) -> Speaker:
         """Return who sent a message. Humble does not say it: then it is the first publisher of this type."""

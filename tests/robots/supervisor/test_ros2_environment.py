@@ -31,7 +31,8 @@ def environment_of(ros: Ros2) -> dict[str, str]:
 
 
 def test_a_robot_is_reached_by_its_own_domain_and_no_other(installed, monkeypatch) -> None:
-    for name in ("ROS_MASTER_URI", "ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER"):
+    of_a_shell = ("ROS_MASTER_URI", "ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
+    for name in (*of_a_shell, "FASTDDS_DEFAULT_PROFILES_FILE"):
         monkeypatch.setenv(name, "1")
     found = environment_of(Ros2(7, "off", ("10.68.0.1", "tiago-42c")))
     assert {name: value for name, value in found.items() if name.startswith(("ROS_", "FASTDDS_"))} == {
