@@ -171,7 +171,7 @@ def versions(participant: Participant) -> None:
 
 
 def qos(participant: Participant) -> None:
-    """Pictures of a publisher that offers less than before; a message that stays, beside a stranger that keeps none."""
+    """Pictures of a publisher that offers less than before; a message that stays, beside a stranger's."""
     heard: list[str] = []
     graph = Graph(participant.node)
     followed = FollowedTopics(participant, graph)
@@ -201,8 +201,11 @@ def qos(participant: Participant) -> None:
         leave(camera)
     node = member("keeps")
     node.create_publisher(String, "/kept", QoSProfile(depth=1, durability=KEPT)).publish(String(data="kept"))
-    member("stranger").create_publisher(String, "/kept", 1)
-    until(lambda: participant.node.count_publishers("/kept") == 2, "both")
+    strange = member("stranger")
+    strange.create_publisher(String, "/kept", 1)
+    fast = QoSProfile(depth=1, durability=KEPT, reliability=ReliabilityPolicy.BEST_EFFORT)
+    strange.create_publisher(String, "/kept", fast)
+    until(lambda: participant.node.count_publishers("/kept") == 3, "all")
     followed.listen("/kept", "std_msgs/msg/String", take, kept)
     until(lambda: (followed.follow(), "kept" in heard)[1], "what stays")
     tell("heard", "kept")
