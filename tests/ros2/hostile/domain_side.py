@@ -205,7 +205,7 @@ def qos(participant: Participant) -> None:
     strange.create_publisher(String, "/kept", 1)
     fast = QoSProfile(depth=1, durability=KEPT, reliability=ReliabilityPolicy.BEST_EFFORT)
     strange.create_publisher(String, "/kept", fast)
-    until(lambda: participant.node.count_publishers("/kept") == 3, "all")
+    until(lambda: len(graph.publishers("/kept")) == 3, "all")
     followed.listen("/kept", "std_msgs/msg/String", take, kept)
     until(lambda: (followed.follow(), "kept" in heard)[1], "what stays")
     tell("heard", "kept")

@@ -93,7 +93,9 @@ def _until(is_true: Callable[[], bool], seconds: float) -> bool:
 
 
 def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
-    description = Listened("description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False, kept="may")
+    description = Listened(
+        "description", f"{ros.namespace}/robot_description", "std_msgs/msg/String", False, kept="may"
+    )
     heard = [_Heard(participant, one) for one in [*plan.listened, description]]
     participant.start()
     _until(lambda: all(one.done for one in heard), plan.listen_s + CONNECTED_S)
