@@ -193,8 +193,9 @@ class _Heard:
         self._type = listened.type if self._fitting else next(iter(found_types), None)
         self.done = not is_read or listened.type.endswith(FEEDBACK)  # whose actions may stay silent for hours
         if is_read:
-            asked = {"no": as_offered, "may": kept, "must": lambda _: STATIC}[listened.kept]
-            qos = asked(one.qos_profile for one in self._fitting)
+            asked = kept if listened.kept == "may" else as_offered
+            offered = asked(one.qos_profile for one in self._fitting)
+            qos = STATIC if listened.kept == "must" else offered
             participant.listen(listened.topic, kind, self._take, qos, LARGEST)
 
     def _take(self, raw: bytes, _info: Any) -> None:
