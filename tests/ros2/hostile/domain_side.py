@@ -109,9 +109,11 @@ class Seen(GoalListener):
     def __init__(self) -> None:
         self.goals: dict[str, int] = {}
         self.ends: list[tuple[str, str]] = []
+        self.told = 0  # times
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         self.goals = dict(goals)
+        self.told += 1
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         self.ends.append((goal_id, outcome))
@@ -257,6 +259,32 @@ def unfit(participant: Participant) -> None:
 
     node.get_subscriptions_info_by_topic = without_names  # the moment in which a name is not known is short
     tell("listeners", Listeners(Graph(node)).of("/key_vel", publisher))
+
+
+def crowd(participant: Participant) -> None:
+    """So many publishers of a topic and of an action's status that a look at them would take long."""
+    node, looked, heard, seen = participant.node, [], [], Seen()
+    look = node.get_publishers_info_by_topic
+    node.get_publishers_info_by_topic = lambda topic: looked.append(topic) or look(topic)
+    participant.listen("/words", "std_msgs/msg/String", lambda raw, _: heard.append(raw), sensor(1))
+    ends, server = ActionEnds(participant, Topic(ACTION, KIND), seen), Server(0)
+    participant.start()
+    until(lambda: ends.heard, "the server")
+    ends.send("first", ends.goal_class(motion_name="wave"))
+    status = f"{ACTION}/_action/status"
+    until(lambda: status in looked, "a look at the servers")
+    strangers = member("crowd")
+    for _ in range(MOST_NODES + 1):
+        strangers.create_publisher(GoalStatusArray, status, 1)
+        words = strangers.create_publisher(String, "/words", 1)
+    until(lambda: min(map(node.count_publishers, ("/words", status))) > MOST_NODES, "the crowd")
+    repeated = seen.told + 1
+    until(lambda: seen.told > repeated, "the look that had begun")
+    looked.clear()
+    repeated = seen.told + 1
+    until(lambda: (words.publish(String(data="a")), heard and seen.told > repeated)[1], "a word")
+    tell("looked", *looked)
+    server.die()
 
 
 # --- floods ---------------------------------------------------------------------------------------

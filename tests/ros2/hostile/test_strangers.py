@@ -86,6 +86,11 @@ def test_listeners_that_dds_does_not_connect_hide_no_robot(domain: int) -> None:
             assert side.await_line("listeners") == ["listeners", "1"]
 
 
+def test_thousands_of_publishers_are_not_looked_at(domain: int) -> None:
+    with scenario(domain, "crowd") as side:
+        assert side.await_line("looked") == ["looked"]
+
+
 def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> None:
     with stranger(domain, "strings", "3000000"), scenario(domain, "flood", "3") as side:
         assert int(side.await_line("grown")[1]) < GROWN_MB
