@@ -11,14 +11,15 @@ import numpy as np
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
-from robots.bridge.ros2.qos import ONE_ANSWER
+from robots.bridge.ros2.qos import DRIVE, ONE_ANSWER
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.geometry.poses import Velocity
+from robots.shared.geometry.poses import STILL, Velocity
 
 log = logging.getLogger(__name__)
-
+FLUSH_S = 0.1  # in which a message leaves
 
 TWISTS: dict[str, type[Any]] = {
     "geometry_msgs/msg/Twist": Twist,
@@ -60,6 +61,47 @@ class Twists:
             stamp = self._header.stamp
             stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
         return self._message
+
+
+class Drives:
+    """The publishers of velocities, by topic. One thread connects them, others publish meanwhile."""
+
+    def __init__(self, events: PublisherEventCallbacks | None = None) -> None:
+        self.by_topic: dict[str, Any] = {}
+        self.newest = STILL  # what was to be sent last
+        self.sent = 0  # velocities
+        self._events = events
+
+    def connect(self, node: Node, topics: Iterable[str], kind: str) -> list[Any]:
+        """Keep a publisher of this type for each of these topics, and no other. Return the new ones.
+
+        One of another type stays while the robot is driven. It is there until its last zero has left, and a moment
+        without any publisher follows: a process has one type of a topic.
+        """
+        topics = set(topics)
+        changed = [name for name, one in self.by_topic.items() if name in topics and kind_of(one) != kind]
+        if changed and self.newest == STILL:
+            for name in changed:
+                self.by_topic[name].publish(Twists(self.by_topic[name].msg_type).of(STILL))
+            time.sleep(FLUSH_S)
+        if self.newest != STILL:
+            changed = []
+        left = {name: one for name, one in self.by_topic.items() if name not in topics or name in changed}
+        self.by_topic = {name: one for name, one in self.by_topic.items() if name not in left}
+        for publisher in left.values():
+            node.destroy_publisher(publisher)
+        new = []
+        for name in topics - self.by_topic.keys():
+            publisher = node.create_publisher(TWISTS[kind], name, DRIVE, event_callbacks=self._events)
+            self.by_topic = {**self.by_topic, name: publisher}
+            new.append(publisher)
+        return new
+
+    def are(self, topics: Iterable[str], kind: str) -> bool:
+        """Return whether there are publishers of this type for these topics, and no others."""
+        return self.by_topic.keys() == set(topics) and all(
+            kind_of(one) == kind for one in self.by_topic.values()
+        )
 
 
 class _NotRead(ReentrantCallbackGroup):  # type: ignore[misc]

@@ -28,7 +28,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import TWISTS, Twists, cancel_client, cancel_goals, kind_of
+from robots.bridge.ros2.drive import FLUSH_S, TWISTS, Drives, Twists, cancel_client, cancel_goals
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
@@ -37,7 +37,6 @@ from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
 from robots.bridge.ros2.network.survey import Listeners, Problems, is_there, wanted_kind
 from robots.bridge.ros2.participant import Participant, Rests
-from robots.bridge.ros2.qos import DRIVE
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros2.sensors.description import DescriptionTopic
 from robots.bridge.ros2.sensors.tf import TfTopics
@@ -59,7 +58,6 @@ PARTS = kinds_in(tasks)
 
 CLOCK = "/clock"  # published where time is simulated
 LEAVE_S = 1.0
-FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 # Between reads while the robot stands without a driver: shorter than each sensor's limit, and no queue overflows.
 # While it moves or has a driver: the gate sees the age of all that it reads.
@@ -78,13 +76,13 @@ class RosBase:
         self._driven = frozenset(
             {config.topics.drive.name}
         )  # topics of velocities: the default and a chosen one
-        self._drives: dict[str, Any] = {}  # publishers by topic
         self._cancels: list[Any] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
         self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
         self._topic_worker = Worker("topics")
         self._monitor = DomainMonitor(self)
+        self._drives = Drives(PublisherEventCallbacks(matched=lambda _: self._monitor.look()))
         self._runs: set[int] = set()  # of odometry, at the last survey that heard any
         self._diagnosing: dict[bytes, str] = {}  # nodes by their publisher of diagnostics
         self._text: str | None = None  # the description at the last survey
@@ -132,6 +130,8 @@ class RosBase:
 
     def publish(self, velocity: Velocity) -> None:
         """Publish a twist if the drive topic is connected."""
+        self._drives.newest = velocity
+        self._drives.sent += 1
         drive = self._drive
         if drive is not None:
             try:
@@ -161,7 +161,7 @@ class RosBase:
     @property
     def _drive(self) -> Any:
         """Return the publisher that twists use now; None: there is none yet."""
-        return self._drives.get(self._inputs.drive)
+        return self._drives.by_topic.get(self._inputs.drive)
 
     @property
     def listeners(self) -> int:
@@ -272,7 +272,7 @@ class RosBase:
         topics = self.config.topics
         self._cancels = [cancel_client(self.participant.node, action) for action in topics.cancelled]
         self._twist = wanted_kind(self.graph, topics.drive, self._twist)
-        self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
+        self._drives.connect(self.participant.node, {topics.drive.name}, self._twist)
         self.parts.connect(self)
 
     def survey(self) -> None:
@@ -369,14 +369,6 @@ class RosBase:
 
     # --- the drive topic --------------------------------------------------------------------------------
 
-    def _drive_publisher(self, name: str) -> Any:
-        return self.participant.node.create_publisher(
-            TWISTS[self._twist],
-            name,
-            DRIVE,
-            event_callbacks=PublisherEventCallbacks(matched=lambda _: self._monitor.look()),
-        )
-
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
             self._driven = topics
@@ -387,26 +379,18 @@ class RosBase:
     def _follow_kind(self) -> None:
         """Send velocities of the type that the robot takes on the topic to which they go."""
         drive = structs.replace(self.config.topics.drive, name=self._inputs.drive)
-        kind = wanted_kind(self.graph, drive, self._twist)
-        if kind != self._twist or self._drives.keys() != self._driven:
-            self._twist = kind
+        self._twist = wanted_kind(self.graph, drive, self._twist)
+        if not self._drives.are(self._driven, self._twist):
             self._topic_worker.do(self._connect_drives)
 
     def _connect_drives(self) -> None:
-        """Keep a publisher of the present type for each topic of velocities, and no other."""
-        kind, topics = self._twist, self._driven
-        before = self._drives.items()
-        left = {name: one for name, one in before if name not in topics or kind_of(one) != kind}
-        self._drives = {name: one for name, one in before if name not in left}
-        for name, publisher in left.items():
-            if name in topics:
-                publisher.publish(Twists(publisher.msg_type).of(STILL))
-                time.sleep(FLUSH_S)  # the zero leaves before its publisher does
-            self.participant.node.destroy_publisher(publisher)  # first: a process has one type of a topic
-        for name in topics - self._drives.keys():
-            publisher = self._drive_publisher(name)
-            self._drives = {**self._drives, name: publisher}
+        """Connect to the topics of velocities. A zero that came meanwhile may have reached nobody: repeat it."""
+        sent = self._drives.sent
+        for publisher in self._drives.connect(self.participant.node, self._driven, self._twist):
             self._await_listener(publisher)
+            missed = publisher is self._drive and self._drives.sent != sent
+            if missed and self._drives.newest == STILL:
+                publisher.publish(Twists(publisher.msg_type).of(STILL))
 
     def _await_listener(self, publisher: Any) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""

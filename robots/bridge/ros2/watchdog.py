@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import TWISTS, Twists, cancel_client, cancel_goals, kind_of
+from robots.bridge.ros2.drive import FLUSH_S, Drives, Twists, cancel_client, cancel_goals
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners, wanted_kind
 from robots.bridge.ros2.participant import Participant
-from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.robot_ros import ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.geometry.poses import STILL
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-FLUSH_S = 0.1
 LOOK_S = 1.0  # between two looks at the type of velocities, and at the networks of this computer
 LEAVE_S = 1.0
 ZEROED_S = 3.0  # after a zero that reached the robot, more may be due: this process must not end
@@ -42,7 +40,7 @@ class WatchdogNode:
         self._participant: Participant | None = None
         self._wanted = {config.drive.name}
         self._twist = config.drive.type  # of velocities, as the robot takes them
-        self._drives: dict[str, Any] = {}
+        self._drives = Drives()
         self._cancels: list[Any] = []
         self._listeners: Listeners
         self._zeroed_s = -math.inf  # when a zero reached the robot last
@@ -66,7 +64,7 @@ class WatchdogNode:
     def zero(self) -> int:
         """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
         reached = 0
-        for name, publisher in list(self._drives.items()):
+        for name, publisher in list(self._drives.by_topic.items()):
             try:
                 publisher.publish(Twists(publisher.msg_type).of(STILL))
                 reached += self._listeners.of(name, publisher)
@@ -98,11 +96,11 @@ class WatchdogNode:
             graph = Graph(participant.node)  # of this thread
             listeners = Listeners(graph)
             self._cancels = [cancel_client(participant.node, action) for action in self._config.actions]
-            self._attend(participant)
+            self._drives.connect(participant.node, self._wanted, self._twist)
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
                 self._twist = wanted_kind(graph, drive, self._twist)
-                self._attend(participant)
+                self._drives.connect(participant.node, self._wanted, self._twist)
                 self._news.wait(LOOK_S)
                 self._news.clear()
                 if not self._ending and self._is_cut_off(joined, listeners):
@@ -119,18 +117,7 @@ class WatchdogNode:
         """Return whether zeros may not reach a robot that a new process would reach."""
         if not joined.new() or time.monotonic() - self._zeroed_s < ZEROED_S:
             return False
-        return joined.moved() or not any(listeners.of(*each) for each in self._drives.items())
-
-    def _attend(self, participant: Participant) -> None:
-        """Keep a publisher of the present type for each wanted drive topic, and no other."""
-        wanted, kind = self._wanted, self._twist
-        left = {name: one for name, one in self._drives.items() if name not in wanted or kind_of(one) != kind}
-        self._drives = {name: one for name, one in self._drives.items() if name not in left}
-        for publisher in left.values():
-            participant.node.destroy_publisher(publisher)  # first: a process has one type of a topic
-        for name in wanted - self._drives.keys():
-            publisher = participant.node.create_publisher(TWISTS[kind], name, DRIVE)
-            self._drives = {**self._drives, name: publisher}
+        return joined.moved() or not any(listeners.of(*each) for each in self._drives.by_topic.items())
 
 
 if TYPE_CHECKING:

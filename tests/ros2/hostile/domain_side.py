@@ -20,16 +20,19 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from robots.bridge.robot.board import BOARD
+from robots.bridge.ros2.drive import kind_of
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import UNNAMED, Graph
 from robots.bridge.ros2.network.survey import Listeners, is_there, wanted_kind
+from robots.bridge.ros2.node import RosBase
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE, kept, pictures, sensor
 from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
 from robots.shared.configuration.bridge_config import Topic, drive_topic
 from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.geometry.poses import STILL, Velocity
 from robots.shared.texts import MOST_NODES
 from tests.bridge.support import CONFIG
 from tests.ros2.hostile.stranger import leave, member
@@ -285,6 +288,50 @@ def crowd(participant: Participant) -> None:
     until(lambda: (words.publish(String(data="a")), heard and seen.told > repeated)[1], "a word")
     tell("looked", *looked)
     server.die()
+
+
+def heard_by(name: str, kind: Any) -> list[float]:
+    """Return the speeds that such a node hears from now on."""
+    heard: list[float] = []
+    node = member(name)
+    node.create_subscription(
+        kind, "/key_vel", lambda twist: heard.append(getattr(twist, "twist", twist).linear.x), 10
+    )
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    return heard
+
+
+def switch(participant: Participant) -> None:
+    """The robot takes another type: not while it is driven, and a stop meanwhile reaches it."""
+    node, topics = participant.node, replace(CONFIG.topics, drive=DRIVE_TOPIC)
+    base = RosBase(replace(CONFIG, ros=Ros2(DOMAIN, "localhost"), topics=topics))
+    base.participant = participant
+    base._connect_drives()
+    before, robot = heard_by("fleet_tap_1", Twist), heard_by("base", TwistStamped)
+    until(base._drive.get_subscription_count, "that DDS connects the two")
+    until(lambda: len(Graph(node).subscribers("/key_vel")) == 2, "the robot")
+    base._twist = STAMPED
+    base.publish(Velocity(0.5, 0.0, 0.0))
+    until(lambda: before, "the first velocity")
+    base._connect_drives()
+    tell("driven", kind_of(base._drive))
+    base.publish(Velocity(0.25, 0.0, 0.0))
+    until(lambda: 0.25 in before, "that the old publisher goes on")
+    tell("heard", *before)
+    base._drives.newest = STILL
+    destroy = node.destroy_publisher
+
+    def stop_meanwhile(publisher: Any) -> None:
+        base.publish(STILL)
+        destroy(publisher)
+
+    node.destroy_publisher = stop_meanwhile
+    base._connect_drives()
+    tell("stands", kind_of(base._drive))
+    until(lambda: robot and 0.0 in before, "both zeros")
+    tell("heard", *before, *robot)
 
 
 # --- floods ---------------------------------------------------------------------------------------

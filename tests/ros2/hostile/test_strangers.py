@@ -91,6 +91,15 @@ def test_thousands_of_publishers_are_not_looked_at(domain: int) -> None:
         assert side.await_line("looked") == ["looked"]
 
 
+def test_a_switch_of_types_waits_for_standstill_and_loses_no_stop(domain: int) -> None:
+    with scenario(domain, "switch") as side:
+        assert side.await_line("driven") == ["driven", "geometry_msgs/msg/Twist"]
+        assert side.await_line("heard") == ["heard", "0.5", "0.25"]
+        assert side.await_line("stands") == ["stands", "geometry_msgs/msg/TwistStamped"]
+        by_each = ["0.5", "0.25", "0.0"], ["0.0"]
+        assert side.await_line("heard") == ["heard", *by_each[0], *by_each[1]]
+
+
 def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> None:
     with stranger(domain, "strings", "3000000"), scenario(domain, "flood", "3") as side:
         assert int(side.await_line("grown")[1]) < GROWN_MB
