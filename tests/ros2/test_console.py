@@ -25,10 +25,25 @@ def stack() -> Iterator[Stack]:
         yield stack
 
 
+@pytest.fixture(autouse=True)
+def no_stop(stack: Stack) -> None:
+    """Release the stop of the test before."""
+    asyncio.run(release_stop(stack))
+
+
+async def release_stop(stack: Stack) -> None:
+    async with Driver(stack, ROBOT.slug, sign_in(stack, "operator")) as driver:
+        await driver.until(lambda: driver.state)
+        if driver.state and driver.state.stop.state != "clear":
+            await driver.take()
+            await driver.clear()
+
+
 def test_a_person_drives_it_a_metre_and_stops_it(stack: Stack) -> None:
     assert "stop pressed" in asyncio.run(drive_and_stop(stack, ROBOT.slug))
 
 
+@pytest.mark.last  # it turns the robot to a wall
 async def test_it_stops_when_its_laser_dies(stack: Stack) -> None:
     slug = ROBOT.slug
     async with (
@@ -37,8 +52,6 @@ async def test_it_stops_when_its_laser_dies(stack: Stack) -> None:
     ):
         await driver.until(lambda: driver.state)
         await driver.take()
-        if driver.state and driver.state.stop.state != "clear":
-            await driver.clear()
         await driver.hold_stick(0.0, 0.5, until=lambda: any(command.w for command in seen.commands))
         await seen.cause("laser_dead")
         seen.forget()
