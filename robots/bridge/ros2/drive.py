@@ -14,7 +14,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
-from robots.bridge.ros2.qos import DRIVE, ONE_ANSWER
+from robots.bridge.ros2.qos import CANCELS, DRIVE
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.geometry.poses import STILL, Velocity
 
@@ -118,7 +118,7 @@ _NOT_READ = _NotRead()
 def cancel_client(node: Node, action: str) -> Any:
     """Return a client that cancels goals of an action. Its answers, which may have any size, are never read."""
     service = f"{action}/_action/cancel_goal"
-    return node.create_client(CancelGoal, service, qos_profile=ONE_ANSWER, callback_group=_NOT_READ)
+    return node.create_client(CancelGoal, service, qos_profile=CANCELS, callback_group=_NOT_READ)
 
 
 def cancel_goals(clients: Iterable[Any], goal: bytes = bytes(16)) -> None:

@@ -83,5 +83,13 @@ EVENTS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-# Of services that are asked once, or whose answers nobody reads: one of them waits in DDS.
+# Of services that are asked once: one answer waits in DDS.
 ONE_ANSWER = DRIVE
+# Of cancels. A request that was lost is sent again only while no newer ones have taken its place. Nobody reads the
+# answers: so many of them wait in DDS, and a stranger's may be large.
+CANCELS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=4,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
