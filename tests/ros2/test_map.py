@@ -14,7 +14,7 @@ from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2, side_command
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
-from tests.processes import PATIENCE_S, REPOSITORY
+from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros2.side import Side, needs_rclpy
 
 pytestmark = needs_rclpy
@@ -52,7 +52,12 @@ def fetched(domain: int, topic: Topic) -> TakenMap | NoMap:
     return msgspec.msgpack.decode(done.stdout, type=TakenMap | NoMap)
 
 
-def test_the_map_is_fetched_whole(domain: int) -> None:
+def published(domain: int) -> TakenMap | None:
+    """Return the map; None: the robot has only begun."""
     found = fetched(domain, Topic("/map", "nav_msgs/msg/OccupancyGrid"))
-    assert isinstance(found, TakenMap), found
+    return None if isinstance(found, NoMap) and not found.is_certain else found
+
+
+def test_the_map_is_fetched_whole(domain: int) -> None:
+    found = until(lambda: published(domain), "the map")
     assert found.resolution_m == 0.05 and found.width > 50
