@@ -22,6 +22,7 @@ from rclpy.executors import (
     SingleThreadedExecutor,
     TimeoutException,
 )
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -33,6 +34,7 @@ from robots.bridge.ros2.qos import ONE_ANSWER
 from robots.bridge.ros2.sizes import most_bytes
 from robots.bridge.ros2.versions import Versions
 from robots.shared.processes.memory import end_without_memory
+from robots.shared.processes.vital import start_vital
 from robots.shared.sentences import say
 from robots.shared.texts import size_text
 from robots.shared.unreachable import Unreachable
@@ -49,6 +51,8 @@ NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 NO_SERVICES = [
     Parameter("start_type_description_service", value=False)
 ]  # beside those that Node is asked for
+# A subscription of another type has not ended yet: the executor looks at it. A moment later one can be made.
+TypeInUse = rclpy_implementation.RCLError
 _END = partial(os._exit, 1)  # a process that hears nothing more must not seem to live
 
 Take = Callable[[bytes, Any], None]
@@ -129,6 +133,18 @@ class Participant:
         """Call the callbacks of subscriptions from now on."""
         self._thread.start()
 
+    def work(self, work: Callable[[], None], name: str) -> None:
+        """Run what the process needs on a thread, until this participant is closed."""
+
+        def until_closed() -> None:
+            try:
+                work()
+            except InvalidHandle:
+                if not self._closing:
+                    raise
+
+        start_vital(until_closed, name)
+
     def hurry(self, wanted: bool) -> None:
         """End a rest at once, and make shorter ones until a hurry is no longer wanted. Thread-safe."""
         (self._hurries.set if wanted else self._hurries.clear)()
@@ -148,6 +164,7 @@ class Participant:
         Larger messages than the console reads are dropped: DDS cuts nobody off, but decoding is what costs.
         `largest`: bytes of the largest one, if it does not follow from the type. Those of a publisher whose type has
         other fields than the one here are dropped, too, unless `any_version`: their values would be wrong.
+        Raises TypeInUse, if this process has just read the topic with another type.
         """
         name = kind if isinstance(kind, str) else ""
         most = most_bytes(name) if largest is None else largest

@@ -18,7 +18,7 @@ from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown
 from robots.bridge.ros2.network.graph import node_name
 from robots.bridge.ros2.network.survey import find_robot
-from robots.bridge.ros2.participant import Participant, Subscription, complain_of_size
+from robots.bridge.ros2.participant import Participant, Subscription, TypeInUse, complain_of_size
 from robots.bridge.ros2.qos import as_offered
 from robots.bridge.ros2.sizes import MB
 from robots.bridge.ros2.versions import HASHED
@@ -26,7 +26,6 @@ from robots.bridge.tap.arrivals import Kind
 from robots.bridge.tap.raw_topic import MOST_PUBLISHERS, Speaker, Take
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.robot_ros import ros2
-from robots.shared.processes.vital import start_vital
 from robots.shared.sentences import say
 from robots.shared.texts import NAME, cut
 from robots.shared.wire import Refusal
@@ -53,7 +52,7 @@ class RawTopics:
         self._news = threading.Event()
         self._participant.start()
         self.found = find_robot(self._participant, config.topics)  # whether the robot is there
-        start_vital(self._follow_publishers, "publishers")
+        self._participant.work(self._follow_publishers, "publishers")
 
     @property
     def participant(self) -> Participant:
@@ -157,7 +156,7 @@ class RawTopic:
             return
         self._unsubscribe()
         self._asked = type_name, qos
-        with suppress(TypeUnknown):  # its speakers say it
+        try:
             self._subscription = self._participant.listen(
                 self._topic,
                 type_name,
@@ -166,6 +165,10 @@ class RawTopic:
                 largest=sys.maxsize,
                 any_version=True,
             )
+        except TypeUnknown:
+            pass  # its speakers say it
+        except TypeInUse:
+            self._asked, self._due_s = None, 0.0
 
     def _depth(self, most: int) -> int:
         """Return how many messages may wait: a power of two below `most`, so that it seldom changes."""

@@ -15,13 +15,6 @@ from tests.ros.bridge_support import tiago_config
 
 
 @pytest.fixture
-def recorder(rosmaster, ros, tmp_path: Path) -> Iterator[RecorderProcess]:
-    process = RecorderProcess(tiago_config(rosmaster, tmp_path), rosmaster.environment(), tmp_path)
-    yield process
-    process.stop()
-
-
-@pytest.fixture
 def killed_recorder(rosmaster, ros, tmp_path: Path) -> Callable[[], Any]:
     """``with killed_recorder() as recorder``: always of the same robot, and killed at the end."""
 

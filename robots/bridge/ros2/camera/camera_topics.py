@@ -17,7 +17,6 @@ from robots.bridge.ros2.sensors.cdr import Cdr
 from robots.bridge.ros2.sensors.pictures import MOST_FIELDS, depth_image
 from robots.bridge.ros2.sensors.tf import TfTopics
 from robots.shared.configuration.bridge_config import CameraSource
-from robots.shared.processes.vital import start_vital
 
 INFO = "sensor_msgs/msg/CameraInfo"
 INFO_EVERY_S = 0.3  # between two camera infos that are looked at, once it is known
@@ -87,7 +86,7 @@ class CameraTopics:
         self.frames = tf.frames
         self._tf_topics = tf.listen()
         self._followed = FollowedTopics(participant, Graph(participant.node))
-        start_vital(self._follow, "publishers")
+        participant.work(self._follow, "publishers")
 
     def listen(
         self,

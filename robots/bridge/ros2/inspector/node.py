@@ -15,7 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name
-from robots.bridge.ros2.participant import NO_EVENTS, Participant, guarded
+from robots.bridge.ros2.participant import NO_EVENTS, Participant, TypeInUse, guarded
 from robots.bridge.ros2.qos import as_offered
 from robots.bridge.ros2.versions import Versions
 from robots.bridge.topics.inspector import declined
@@ -109,9 +109,12 @@ class Source:
             return
         versions = Versions(self._node, self._topic, type_name)
         receive = guarded(lambda data, info: self._receive(type_name, versions, data, info))
-        self._subscription = self._node.create_subscription(
-            kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
-        )
+        try:
+            self._subscription = self._node.create_subscription(
+                kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
+            )
+        except TypeInUse:  # until the next look
+            self._asked = None
 
     def _receive(self, type_name: str, versions: Versions, data: bytes, info: Any) -> None:
         fields = _other if versions.other(info) else known

@@ -14,7 +14,6 @@ from robots.bridge.ros2.raw_topic import RawTopic, RawTopics
 from robots.bridge.tap.raw_topic import Take
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import RECORDER, SystemState
-from robots.shared.processes.vital import start_vital
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +41,10 @@ class RecordedTopics:
     def leave(self) -> None:
         self._topics.leave()
 
+    def work(self, work: Callable[[], None], name: str) -> None:
+        """Run what the process needs on a thread, until it leaves."""
+        self._topics.participant.work(work, name)
+
     @property
     def found(self) -> bool:
         """Whether the robot was there at the beginning."""
@@ -68,5 +71,5 @@ def joined(config: BridgeConfig, at_end: Callable[[], object]) -> RecordedTopics
         at_end()
         os._exit(1)
 
-    start_vital(end_with_the_robot, "robot")
+    topics.work(end_with_the_robot, "robot")
     return topics
