@@ -111,24 +111,6 @@ def test_a_person_drives_it_until_a_stop(hand: Hand) -> None:
     assert stopped.odometry.x < pressed_m + 0.7
 
 
-def test_it_speaks_waves_and_lifts_its_torso_until_a_stop(hand: Hand) -> None:
-    hand.until(
-        lambda report: isinstance(report, wire.Offers) and any(one.name == "wave" for one in report.motions),
-        "the robot's motions",
-    )
-    hand.state_until(drivable, "a robot that can be driven")
-    hand.take_control(1)
-    assert hand.ask(wire.Say(1, "hello lab", "en-GB", seq=1)) is None
-    hand.state_until(lambda state: state.speech and state.speech.word == (6, 9), "the last word")
-    hand.state_until(lambda state: state.speech_ended and state.speech_ended.outcome == "done", "the end")
-    assert hand.ask(wire.MoveLimb(1, "torso", 0.05, 2)) is None
-    hand.state_until(lambda state: (ended := state.limbs["torso"].ended) and ended.outcome == "done", "up")
-    assert hand.ask(wire.Play(1, "wave", 3)) is None
-    hand.state_until(lambda state: state.motion and state.motion.name == "wave", "a motion")
-    hand.send(wire.LinkStop("ann", "enough"))
-    hand.state_until(lambda state: state.motion_ended and state.motion is None, "the end of the motion")
-
-
 @pytest.mark.last  # it leaves the robot between tables
 def test_it_goes_to_a_place_until_a_stop(hand: Hand) -> None:
     hand.state_until(drivable, "a robot that can be driven")

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import math
-import signal
-import time
 from contextlib import contextmanager
 
 import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Pose2D
-from std_msgs.msg import String
 
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
-from tests.ros.performing import ask, asked, end_of, numbers, perform, play
+from tests.ros.performing import ask, asked, numbers, perform, play
 from tests.ros.support import SimulatorProcess
 from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
-FAR_FROM_WALL = Pose2D(7.6, 1.0, -math.pi / 2.0)  # farther than `reach_m`, within reach of `reach_max`
-FAR_AWAY, BEFORE_THE_ROBOT = "person 8.8 1.0", "person 4.5 2.2"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,89 +43,6 @@ def bridge(master, folder):
         hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)
         yield hand, process
-
-
-def test_with_space_it_is_performed_and_its_end_recorded(ros, rosmaster, tmp_path):
-    with ros.at(IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
-
-        def push():
-            hand.stick(0.5)
-            hand.until(
-                lambda report: isinstance(report, wire.Refused) and report.refusal.code == "motion_running",
-                "a base that stands meanwhile",
-            )
-            hand.let_go()
-
-        assert perform(hand, "close_half").outcome == "succeeded"
-        assert perform(hand, "offer", push).outcome == "succeeded"
-        until(lambda: len(process.recorded()) >= 4, "its end on record")
-        assert process.recorded()[-2:] == ["motion.start offer /play_motion", "motion.end succeeded"]
-        assert perform(hand, "home").outcome == "succeeded"
-        hand.state_until(lambda state: not state.arm, "an arm at home")
-
-
-def test_before_a_wall_it_is_refused_with_figures(ros, rosmaster, tmp_path):
-    with ros.at(BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
-        refusal = ask(hand, "offer")
-        assert refusal.code == "motion_blocked", refusal
-        assert 0.3 < refusal.figures["distance_m"] < 0.6
-        assert refusal.figures["side"].startswith("ahead")
-        until(lambda: "motion_blocked" in process.recorded()[-1], "why it was not begun on record")
-        assert process.recorded()[-2:] == ["motion.start offer /play_motion", "motion.end motion_blocked"]
-
-
-def test_without_joint_states_it_is_refused(ros, rosmaster, tmp_path, fault):
-    with ros.at(FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, _):
-        refusal = ask(hand, "reach_max")
-        assert refusal.code == "motion_blocked", refusal
-        fault("joints_dead")
-        hand.state_until(lambda state: any(limit.code == "arm_away" for limit in state.verdict.limits), "it")
-        refusal = asked(hand, "reach_max")
-        assert (refusal.code, refusal.figures["sensor"]) == ("not_watched", "arm"), refusal
-        fault("none")
-        refusal = ask(hand, "reach_max")
-        assert refusal.code == "motion_blocked", refusal
-
-
-def test_a_starved_bridge_accepts_no_motion_before_a_wall(ros, rosmaster, tmp_path):
-    with ros.at(FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, process):
-        for _ in range(4):
-            process.process.send_signal(signal.SIGSTOP)
-            hand.send(wire.Play(1, "reach_max", number := next(numbers)))
-            time.sleep(1.2)  # longer than any sensor may be silent
-            process.process.send_signal(signal.SIGCONT)
-            answer = hand.until(
-                lambda report, number=number: (
-                    isinstance(report, wire.Accepted | wire.Refused) and report.seq == number
-                ),
-                "an answer",
-            )
-            assert isinstance(answer, wire.Refused), answer
-            hand.state_until(drivable, "a robot that sees")
-
-
-def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
-    with (
-        ros.at(IN_THE_OPEN),
-        bridge(rosmaster, tmp_path) as (hand, process),
-        ros.speak("/ground_truth/person", String) as person,
-    ):
-        try:
-            ended = perform(hand, "offer", lambda: person.publish(BEFORE_THE_ROBOT))
-            assert ended.outcome == "intruder", ended
-            until(lambda: process.recorded()[-1] == "motion.end intruder", "its end on record")
-        finally:
-            person.publish(FAR_AWAY)
-
-
-def test_people_with_the_right_cancel_it_by_its_goal(ros, rosmaster, tmp_path):
-    with ros.at(IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
-        begun = play(hand, "inspect_surroundings")
-        hand.send(wire.LinkCancel("motion", "Sue", seq=3))
-        hand.until(lambda report: report == wire.Accepted("link_cancel", 3), "an answer")
-        ended = end_of(hand, begun)
-        assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
-        until(lambda: process.recorded()[-1] == "motion.end cancelled", "its end on record")
 
 
 def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_path):
