@@ -20,7 +20,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 import robots.bridge.ros2  # noqa: F401  (first: makes rclpy importable)
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import UNNAMED
-from tests.processes import PATIENCE_S
+from robots.bridge.ros2.participant import TypeInUse
+from tests.processes import PATIENCE_S, until
 from tests.sides.visiting.program import LONG, Visitor, run, waits
 
 DEPTH = 100
@@ -95,7 +96,13 @@ class RclpyVisitor(Visitor):
             raise LookupError(of)
 
     def speak(self, id: int, topic: str, kind: str, kept: bool) -> None:
-        self.speakers[id] = self.node.create_publisher(kind_of(kind), topic, profile(kept=kept))
+        found, wanted = kind_of(kind), profile(kept=kept)
+
+        def made() -> Any:
+            with suppress(TypeInUse):
+                return self.node.create_publisher(found, topic, wanted)
+
+        self.speakers[id] = until(made, f"the end of another type on {topic}")
 
     def heard_by(self, id: int, of: int) -> int:
         return self.speakers[of].get_subscription_count()
