@@ -60,6 +60,12 @@ def publish(visitor: Visitor) -> Iterator[Publish]:
         yield begin
 
 
+def part(recorder: RecorderProcess) -> bytes:
+    """Return what the recording has so far: its channels, which are not compressed, come with their first messages."""
+    (found,) = recorder.directory.glob("*.part")
+    return found.read_bytes()
+
+
 def test_a_recording_has_its_topics_and_the_chain(
     recorder: RecorderProcess, publish: Publish, side: Side
 ) -> None:
@@ -69,7 +75,7 @@ def test_a_recording_has_its_topics_and_the_chain(
     recorder.say(said(3))
     begins = ChainEvent("control_begins", by="Ada")
     recorder.say(Said(EVENT, time.monotonic_ns(), msgspec.Raw(wire.encode(begins))))
-    until(lambda: recorder.bytes > 600, "bytes")
+    until(lambda: b"/words" in part(recorder), "the word")
     taken = recorder.finishes(recording)
     assert (taken.kind, taken.person, taken.reason, taken.cut) == ("by_hand", "person-1", "a report", False)
     found = messages_of(recorder.directory / taken.name)
@@ -99,11 +105,7 @@ def test_everything_or_all_but_pictures(recorder: RecorderProcess, publish: Publ
 def assert_records(recorder: RecorderProcess, recording: Any, topics: set[str], without: str = "") -> None:
     """End a recording when it has these topics: each file is read while it is written."""
 
-    def has_all() -> bool:
-        (part,) = recorder.directory.glob(f"*{recording}.part")
-        return all(topic.encode() in part.read_bytes() for topic in topics)  # channels are not compressed
-
-    until(has_all, f"{topics} in {recording}")
+    until(lambda: all(topic.encode() in part(recorder) for topic in topics), f"{topics} in {recording}")
     found = messages_of(recorder.directory / recorder.finishes(recording).name)
     assert topics <= found.keys() and without not in found
 
@@ -132,9 +134,9 @@ def test_a_type_that_changes_has_its_own_channel(
     with visitor.speak("/value", NUMBER, listeners=0, kept=True) as first:
         first.publish(data=4)
         recording = recorder.begins(["/value"])
-        until(lambda: recorder.bytes > 600, "the first type")
+        until(lambda: kinds[0].encode() in part(recorder), "the first type")
     publish("/value", STRING, data="four")
-    until(lambda: kinds[1].encode() in next(recorder.directory.glob("*.part")).read_bytes(), "the second")
+    until(lambda: kinds[1].encode() in part(recorder), "the second")
     taken = recorder.finishes(recording)
     assert [kind for kind, _ in messages_of(recorder.directory / taken.name)["/value"]] == kinds
     assert {(one.topic, one.type) for one in taken.topics} == {("/value", kind) for kind in kinds}
