@@ -48,8 +48,11 @@ def talk(side: Side, robot: Any, tmp_path_factory: pytest.TempPathFactory) -> It
 
 
 def word_of(hand: Hand, text: str, language: str = "es-ES") -> Any:
-    """Say `text`; return the speech state at the first word."""
-    assert hand.ask(wire.Say(1, text, language, seq=next(_numbers))) is None
+    """Say `text` as soon as the robot says nothing of the test before; return the speech state at the first word."""
+    refusals = (hand.ask(wire.Say(1, text, language, seq=number)) for number in _numbers)
+    assert until(
+        lambda: [one for one in [next(refusals)] if one is None or one.code != "speaking"], "silence"
+    ) == [None]
     return hand.state_until(
         lambda state: state.speech and state.speech.text == text and state.speech.word, f"a word of {text}"
     ).speech

@@ -15,7 +15,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from robots.bridge.ros2.network.graph import node_name
+from robots.bridge.ros2.network.graph import NO_NAME, node_name
 from robots.shared.texts import MOST_NODES
 
 HASHED = "RIHS"  # begins each digest
@@ -38,7 +38,8 @@ class Versions:
         if not gid or not self._ours:
             return ""
         key = bytes(gid["data"])
-        if key not in self._known and time.monotonic() - self._looked_s > LOOK_S:
+        unknown = self._known.get(key, NO_NAME) == NO_NAME  # DDS may tell the name later
+        if unknown and time.monotonic() - self._looked_s > LOOK_S:
             self._look()
         return self._known.get(key, "")
 

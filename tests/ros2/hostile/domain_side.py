@@ -167,7 +167,7 @@ def versions(participant: Participant) -> None:
         publisher.publish(message)
         return BOARD.texts()
 
-    until(said, "what is said of it")
+    until(lambda: [text for text in said() if "/newer" in text], "what is said of it")
     tell("said", *BOARD.texts())
     tell("heard", len(heard))
     honest = member("honest").create_publisher(String, "/words", 1)
