@@ -43,7 +43,7 @@ def cost_of_ros2() -> Iterator[Figure]:
 
 
 class Limits(NamedTuple):
-    """What a robot's bridge and watchdog may need: percent of a core, MB."""
+    """Limits of a robot's bridge and watchdog: percent of a core, MB."""
 
     bridge_at_rest: float
     bridge_mb: float

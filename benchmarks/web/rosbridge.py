@@ -144,7 +144,7 @@ class RosbridgeDriver:
 
 
 class LaserRead(NamedTuple):
-    """What reading cost: each delay, and the percent of a core that web process (added) and tap used."""
+    """The cost of reading: each delay, and the percent of a core that web process (added) and tap used."""
 
     delays_s: list[float]
     web: float

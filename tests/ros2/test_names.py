@@ -16,7 +16,7 @@ from robots.shared.configuration.bridge_config import GRIPPER_COMMAND_2, BridgeC
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.configuration.watchdog_config import watchdog_config
 from tests.processes import until
-from tests.ros.bridge_support import Hand, drivable, tiago_config
+from tests.ros.bridge_support import Hand, drivable, listens, tiago_config
 from tests.ros2.side import Side, needs_rclpy
 from tests.ros2.test_simulator import CANCELED, Visitor
 
@@ -73,9 +73,10 @@ def bridge(domain: int, config: BridgeConfig, tmp_path: Path):
 
 @pytest.fixture
 def hand(config: BridgeConfig, bridge: Side):
-    assert config.link.unix_path is not None
-    until(Path(config.link.unix_path).exists, "the bridge listens")
-    with closing(Hand(config.link.unix_path)) as hand:
+    path = config.link.unix_path
+    assert path is not None
+    until(lambda: listens(path), "the bridge listens")
+    with closing(Hand(path)) as hand:
         yield hand
 
 

@@ -1,1 +1,1 @@
-"""What the two ROS sides of a bridge share: neither rospy nor rclpy is known here. `sides.py` picks a robot's side."""
+"""Parts of both ROS sides of a bridge: neither rospy nor rclpy is known here. `sides.py` picks a robot's side."""

@@ -1,4 +1,4 @@
-"""What bridge and watchdog send to a robot: velocities, and cancels of all goals of an action."""
+"""Messages of bridge and watchdog to a robot: velocities, and cancels of all goals of an action."""
 
 from __future__ import annotations
 

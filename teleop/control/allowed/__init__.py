@@ -1,1 +1,1 @@
-"""What else a holder may do: the allow-list, the scopes of programs, the tasks that a lesson leaves."""
+"""Further rights of a holder: the allow-list, the scopes of programs, the tasks that a lesson leaves."""

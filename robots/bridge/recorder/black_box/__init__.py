@@ -1,1 +1,1 @@
-"""What the black box has: the ring of the last minute, and the events at which it is kept."""
+"""The black box: the ring of the last minute, and the events at which it is kept."""

@@ -1,1 +1,1 @@
-"""What the bridge concludes from the publishers and listeners of a robot."""
+"""Conclusions of the bridge from the publishers and listeners of a robot."""

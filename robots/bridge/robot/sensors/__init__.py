@@ -1,1 +1,1 @@
-"""What a robot senses, after its bytes are read: frames, depth pictures, diagnostics."""
+"""Readings of a robot's sensors, after their bytes are read: frames, depth pictures, diagnostics."""

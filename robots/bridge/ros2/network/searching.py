@@ -113,7 +113,7 @@ def _domains_here() -> set[int]:
 
 
 class _Announcements:
-    """What nodes of other computers announce by multicast, in every domain. Nothing is sent."""
+    """Announcements of nodes of other computers by multicast, in every domain. Nothing is sent."""
 
     def __init__(self, opened: ExitStack) -> None:
         self._selector = opened.enter_context(selectors.DefaultSelector())

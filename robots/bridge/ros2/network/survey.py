@@ -69,7 +69,7 @@ def wanted_kind(graph: Graph, drive: Topic, now: str) -> str:
 
 
 class Problems:
-    """What of the domain does not fit the console."""
+    """Faults of the domain: nodes that do not fit the console."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
