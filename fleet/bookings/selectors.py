@@ -305,7 +305,7 @@ def wish_of(
     role, courses = asker.role_and_courses(robot, starts)
     first_day, last_day = days_of(slot)
     if first_day != last_day:  # a course may end before the slot does
-        role = min((role, role_on(person, robot, slot.ends_at - timedelta.resolution)), key=_rank)
+        role = min((role, asker.role_and_courses(robot, slot.ends_at - timedelta.resolution)[0]), key=_rank)
     wish = Wish(
         robot=robot.name,
         slot=slot,

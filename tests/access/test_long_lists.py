@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import datetime, time, timedelta
 from typing import Any
 
 import pytest
@@ -102,15 +102,16 @@ def test_everybody_means_all_pages_of_a_course(client: Client, staff: User, cour
     assert not course.enrolments.exists()
 
 
+@pytest.mark.parametrize("clock", ["12:00", "23:45"])  # a slot over midnight has roles of two days
 def test_the_next_free_hour_of_many_robots_costs_no_more_queries(
-    tiago: RobotProfile, course: Course, people: list[User], django_assert_max_num_queries: Any
+    tiago: RobotProfile, course: Course, people: list[User], django_assert_max_num_queries: Any, clock: str
 ) -> None:
     robots = [
         Robot.objects.create(slug=f"r{n}", name=f"R {n}", profile=tiago, master_uri="http://127.0.0.1:9")
         for n in range(20)
     ]
     course.robots.set(robots)
-    now = timezone.now()
+    now = datetime.combine(lab_date(), time.fromisoformat(clock), timezone.get_default_timezone())
     with django_assert_max_num_queries(15):
         found = free_on_any(robots, people[0], 30, after=now, now=now, most=1)
     assert found and found[0][1].starts_at - now < timedelta(hours=1)
