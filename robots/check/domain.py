@@ -13,7 +13,6 @@ from robots.shared.processes.probe_findings import Findings
 def domain_checks(findings: Findings) -> Iterator[Check]:
     """Yield the faults of a robot's domain."""
     yield from _twins(findings)
-    yield from shared_memory(findings)
 
 
 def namespace_check(odometry: str, namespaces: list[str]) -> Check:
@@ -34,21 +33,3 @@ def _twins(findings: Findings) -> Iterator[Check]:
     elif findings.twins:
         text = _("Several nodes are called %s: do two robots, or two starts of one robot, share this domain?")
         yield Check(_("two robots"), WARN, text % listed(findings.twins), advice)
-
-
-def shared_memory(findings: Findings) -> Iterator[Check]:
-    """Yield a fault if messages cannot pass by shared memory, because the robot's nodes are another user's.
-
-    Then not even the names of nodes come: no node seems to answer.
-    """
-    if not findings.shared_memory:
-        return
-    text = _("In shared memory (/dev/shm) stand files of %s for this domain, which other users cannot write.")
-    is_silent = not any(topic.messages for topic in findings.topics)
-    advice = _(
-        "Run the robot’s nodes as the console’s user, or without shared memory (FASTDDS_BUILTIN_TRANSPORTS=UDPv4), "
-        "or search in this computer’s networks. If no such node runs, remove the files (fastdds shm clean)."
-    )
-    yield Check(
-        _("shared memory"), FAIL if is_silent else WARN, text % listed(findings.shared_memory), advice
-    )

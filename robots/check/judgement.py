@@ -10,7 +10,7 @@ from django.utils.translation import gettext_noop
 from msgspec import structs
 
 from fleet.base.formats.sentences import in_words, localised, words_of
-from robots.check.domain import domain_checks, namespace_check, shared_memory
+from robots.check.domain import domain_checks, namespace_check
 from robots.check.plan import GOALS, listened_of, plan_for
 from robots.check.results import FAIL, OK, WARN, Check, Level, listed
 from robots.description.drawable import drawable
@@ -45,7 +45,6 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     """Yield the results, the most basic first. If the robot's ROS does not answer, yield only that and its reason."""
     yield _answers(config.ros, findings)
     if findings.master_error is not None:
-        yield from shared_memory(findings)
         return
     if isinstance(config.ros, Ros1):
         yield _names_here(findings.hosts)

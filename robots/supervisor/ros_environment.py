@@ -25,14 +25,11 @@ LIBRARY = "nss_wrapper"
 ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}  # each of 50 threads would keep memory of its own
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-# With ROS's own OFF, static peers are ignored.
-SEARCHED = {"subnet": "SUBNET", "localhost": "LOCALHOST", "off": "LOCALHOST"}
-PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # since Kilted, and before
 # The console's own, of a shell: a robot's entry alone says how it is reached.
 NOT_INHERITED = {
     *("ROS_IP", "ROS_HOSTNAME", "ROS_MASTER_URI"),
     *("ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"),
-    *("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", *PROFILES),
+    *("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", *wheels.PROFILES),
 }
 
 
@@ -96,17 +93,12 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
         environment["PYTHONPATH"] = _without_ros(os.environ.get("PYTHONPATH", ""))
     else:
         raise RclpyMissing
-    # Files of dead processes and of other people in shared memory would stand in the way.
-    environment |= {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    if ros.discovery_server:
-        environment |= wheels.domain_environment(ros.domain_id, "SYSTEM_DEFAULT")
-        # Without the second, the server tells a node only of nodes that have its topics.
-        return environment | {"ROS_DISCOVERY_SERVER": ros.discovery_server, "ROS_SUPER_CLIENT": "TRUE"}
-    peers = ros.static_peers
-    if peers and ros.discovery == "subnet":
-        environment |= dict.fromkeys(PROFILES, str(wheels.MANY_PEERS))
-        peers = (wheels.MULTICAST, *peers)
-    return environment | wheels.domain_environment(ros.domain_id, SEARCHED[ros.discovery], ";".join(peers))
+    if not ros.discovery_server:
+        return environment | wheels.domain_environment(ros.domain_id, ros.discovery, ros.static_peers)
+    environment |= wheels.domain_environment(ros.domain_id, "subnet")
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    # Without the second, the server tells a node only of nodes that have its topics.
+    return environment | {"ROS_DISCOVERY_SERVER": ros.discovery_server, "ROS_SUPER_CLIENT": "TRUE"}
 
 
 def _without_ros(paths: str) -> str:

@@ -122,7 +122,7 @@ class SimulatedRobot:
         """Return the environment of ROS programs of this robot."""
         inherited = {**self._stack.environment, "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug)}
         if self.domain is not None:
-            domain = domain_environment(self.domain.number, self.discovery.upper())
+            domain = domain_environment(self.domain.number, self.discovery)
             return inherited | ros_environment([MESSAGES, WHEELS]) | domain
         return {**inherited, "ROS_MASTER_URI": self.master_uri, "ROS_IP": self.plan.address}
 

@@ -31,12 +31,12 @@ class Side:
         environment: Mapping[str, str] | None = None,
         within: Sequence[str] = (),
     ) -> None:
-        """`environment`: variables beside those of a search on this computer; `within`: a command that starts it."""
-        given = domain_environment(domain) | dict(environment or {})
+        """`environment`: another search than on this computer; `within`: a command that starts it."""
+        given = environment or domain_environment(domain)
         self.process = subprocess.Popen(
             [*within, sys.executable, "-m", module, *(arguments or [str(domain)])],
             cwd=REPOSITORY,
-            env=os.environ | ros_environment([MESSAGES, WHEELS]) | given,
+            env=os.environ | ros_environment([MESSAGES, WHEELS]) | dict(given),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

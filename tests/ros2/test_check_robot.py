@@ -1,7 +1,6 @@
 """The check of a robot with ROS 2, by its command: what it finds on the simulated robot, and what it says of faults."""
 
 import json
-import os
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -123,20 +122,6 @@ def test_a_distribution_that_is_missing_or_another_s_is_named(check, tmp_path: P
     script.write_text(f"export PYTHONPATH={packages}\n")
     (other,) = check(ros_setup=str(script)).values()
     assert "is made for python3.4" in other["text"]
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can make another user's files")
-def test_shared_memory_of_another_user_is_named(check, empty_domain: int) -> None:
-    """Of such a robot the console hears not even the names of its nodes."""
-    file = Path(f"/dev/shm/fastdds_port{7400 + 250 * empty_domain + 249}")  # noqa: S108  (of no process)
-    file.touch()
-    try:
-        os.chown(file, 65534, -1)
-        memory = check(domain_id=empty_domain)["shared memory"]
-    finally:
-        file.unlink()
-    assert memory["level"] == "fail"
-    assert "In shared memory (/dev/shm) stand files of nobody for this domain" in memory["text"]
 
 
 def test_a_robot_in_another_domain_is_named_there(check, crooked: int, empty_domain: int) -> None:

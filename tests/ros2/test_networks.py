@@ -22,7 +22,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
-from robots.shared.ros2.environment import WHEELS, ros_environment
+from robots.shared.ros2.environment import WHEELS, domain_environment, ros_environment
 from robots.supervisor import ros_environment as supervisor
 from tests.bridge.support import CONFIG
 from tests.processes import free_port, until
@@ -68,8 +68,7 @@ class Network:
 
 def on(name: str) -> dict[str, Any]:
     """Return how a process starts on one of the computers, searching in its networks."""
-    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    return {"within": ["ip", "netns", "exec", name], "environment": environment}
+    return {"within": ["ip", "netns", "exec", name], "environment": domain_environment(7, "subnet")}
 
 
 @pytest.fixture
@@ -82,7 +81,7 @@ def network() -> Iterator[Network]:
 def test_static_peers_find_all_processes_without_multicast(network: Network, tmp_path: Path) -> None:
     network.number(network.robot, ROBOT)
     network.number(network.console, CONSOLE)
-    silent = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}  # it neither announces itself nor hears others
+    silent = domain_environment(7, "off", ["127.0.0.1"])  # it neither announces itself nor hears others
     robots = {"within": on(network.robot)["within"], "environment": silent}
     with closing(Side("tests.ros2.many_nodes", 7, "robot", "9", **robots)) as robot:
         robot.await_line("up")
@@ -151,7 +150,8 @@ def test_a_robot_is_found_by_its_discovery_server(check, domain: int) -> None:  
         command, env=os.environ | ros_environment([WHEELS]), stdin=subprocess.PIPE
     ) as serving:
         try:
-            asking = {"ROS_DISCOVERY_SERVER": server, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+            asking = domain_environment(domain, "subnet") | {"ROS_DISCOVERY_SERVER": server}
+            asking["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
             with closing(Side("tests.ros2.robot_side", domain, environment=asking)):
                 answers = check(domain_id=domain, discovery="subnet", discovery_server=server)
         finally:

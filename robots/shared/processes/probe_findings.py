@@ -137,4 +137,3 @@ class Findings(Worded, frozen=True):
     commands: dict[str, DriveFound] = {}  # by `Plan.commands`
     twins: list[str] = []  # of ROS 2: names that several nodes have
     namespaces: list[str] = []  # of ROS 2: where the robot is in place of the one that the registry has
-    shared_memory: list[str] = []  # of ROS 2: other users whose files stand there for this domain

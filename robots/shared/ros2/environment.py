@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
 MESSAGES = WHEELS / "messages"  # packages generated from definitions
-MANY_PEERS = Path(__file__).with_name("many_peers.xml")
-MULTICAST = "239.255.0.1"  # where nodes announce themselves; with static peers they do so there no more
+# With static peers, nodes announce themselves nowhere else: these are to be peers too.
+_BESIDE_PEERS = {"subnet": ("239.255.0.1",), "localhost": ("127.0.0.1",), "off": ()}
+PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # since Kilted, and before
 READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
 # The wheels start Python again with the libraries' folders, unless this is set.
@@ -42,14 +43,25 @@ def ros_environment(prefixes: Iterable[Path], inherited: Mapping[str, str] = os.
     }
 
 
-def domain_environment(domain: int, discovery: str = "LOCALHOST", peers: str = "") -> dict[str, str]:
-    """Return the variables that say with which participants of DDS a process speaks."""
-    return {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": discovery,
-        "ROS_STATIC_PEERS": peers,
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-    }
+def domain_environment(
+    domain: int, discovery: str = "localhost", peers: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the variables that say with which participants of DDS a process speaks, and that it does so by UDP.
+
+    In shared memory, files of dead processes and of other people would stand in the way, and ROS's own ranges LOCALHOST
+    and OFF use it whatever they are told: profiles of Fast DDS stand in for them.
+    """
+    found = {"ROS_DOMAIN_ID": str(domain), "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
+    found |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+    profile = ""
+    if discovery != "subnet" and not peers:
+        found["ROS_AUTOMATIC_DISCOVERY_RANGE"], profile = "SYSTEM_DEFAULT", "only_here"
+    elif peers:
+        found["ROS_STATIC_PEERS"] = ";".join([*_BESIDE_PEERS[discovery], *peers])
+        profile = "many_peers" if discovery == "subnet" else "only_peers"
+    if profile:
+        found |= dict.fromkeys(PROFILES, str(Path(__file__).with_name(f"{profile}.xml")))
+    return found
 
 
 def _main() -> None:

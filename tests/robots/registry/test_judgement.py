@@ -196,14 +196,6 @@ def test_a_listener_with_another_version_of_the_type_is_named(config_2, well_2) 
     assert check.level == "warn" and "/twist_mux listens to /key_vel, but" in check.text
 
 
-@pytest.mark.parametrize(("messages", "level"), [(0, "fail"), (1, "warn")])
-def test_shared_memory_of_another_user_is_named(config_2, well_2, messages: int, level: str) -> None:
-    topics = [msgspec.structs.replace(topic, messages=messages) for topic in well_2.topics]
-    found = msgspec.structs.replace(well_2, topics=topics, shared_memory=["pal"])
-    check = answer(config_2, found, "shared memory")
-    assert (check.level, "files of pal" in check.text) == (level, True)
-
-
 def test_a_clock_that_lags_keeps_a_robot_from_stamped_velocities(config_2, well_2) -> None:
     stamped = Topic("/cmd_vel", "geometry_msgs/msg/TwistStamped")
     topics = msgspec.structs.replace(config_2.topics, drive=stamped)

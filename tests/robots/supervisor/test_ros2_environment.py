@@ -38,9 +38,10 @@ def test_a_robot_is_reached_by_its_own_domain_and_no_other(installed, monkeypatc
     assert {name: value for name, value in found.items() if name.startswith(("ROS_", "FASTDDS_"))} == {
         "ROS_HOME": f"{CONFIG.state_dir}/ros",
         "ROS_DOMAIN_ID": "7",
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "ROS_STATIC_PEERS": "10.68.0.1;tiago-42c",
         "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        "FASTDDS_DEFAULT_PROFILES_FILE": str(Path(wheels.__file__).with_name("only_peers.xml")),
     }
     assert str(installed / "lib") in found["LD_LIBRARY_PATH"].split(":")
 
@@ -51,6 +52,13 @@ def test_static_peers_are_asked_for_many_processes_beside_multicast(installed) -
     profile = Path(found["FASTDDS_DEFAULT_PROFILES_FILE"]).read_text()
     assert "<maxInitialPeersRange>64<" in profile and "<useBuiltinTransports>false<" in profile
     assert "FASTDDS_DEFAULT_PROFILES_FILE" not in environment_of(Ros2(7, "subnet"))
+
+
+def test_a_robot_on_this_computer_is_searched_nowhere_else(installed) -> None:
+    found = environment_of(Ros2(7, "localhost"))
+    profile = Path(found["FASTDDS_DEFAULT_PROFILES_FILE"]).read_text()
+    assert "<interfaceWhiteList>\n          <address>127.0.0.1</address>" in profile
+    assert environment_of(Ros2(7, "localhost", ("10.68.0.1",)))["ROS_STATIC_PEERS"] == "127.0.0.1;10.68.0.1"
 
 
 def test_with_a_discovery_server_nothing_is_searched(installed) -> None:

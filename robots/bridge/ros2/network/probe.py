@@ -7,16 +7,11 @@ It joins the robot's domain for a few seconds, in the environment of the robot's
 from __future__ import annotations
 
 import math
-import os
-import re
 import struct
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
-from pwd import getpwuid
 from typing import Any
 
 import msgspec
@@ -31,10 +26,8 @@ from robots.bridge.ros2.message_types import TypeUnknown, message_class
 from robots.bridge.ros2.network.graph import node_name, nodes
 from robots.bridge.ros2.network.offers import lacking, refused
 from robots.bridge.ros2.network.searching import (
-    FIRST_PORT,
     FOUND_S,
     LEAVE_S,
-    PORTS,
     others,
     unknown_address,
     why_not_found,
@@ -65,7 +58,6 @@ LOOK_S = 0.05
 LARGEST = 32 * 1024 * 1024  # bytes of a message
 STAMP = struct.Struct("<iII")  # of a std_msgs/Header: seconds, nanoseconds, length of the frame id
 ENCAPSULATION = 4  # bytes before a message
-SHARED, SHARED_PORT = Path("/dev/shm"), re.compile(r"fast(?:dds|rtps)_port(\d+)")  # noqa: S108  (Fast DDS's)
 
 
 def probe(plan: Plan) -> Findings:
@@ -80,7 +72,7 @@ def probe(plan: Plan) -> Findings:
             return _found(participant, plan, ros)
     finally:
         participant.close(LEAVE_S)
-    return Findings(master_error=why_not_found(plan, ros), shared_memory=_strangers(ros))
+    return Findings(master_error=why_not_found(plan, ros))
 
 
 def _until(is_true: Callable[[], bool], seconds: float) -> bool:
@@ -107,7 +99,6 @@ def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
         description=described(plan.arm, deserialize_message(last, String).data if last else None),
         clock_is_simulated=bool(participant.node.count_publishers("/clock")),
         twins=sorted(name for name, count in Counter(others(participant)).items() if count > 1),
-        shared_memory=_strangers(ros),
         namespaces=_namespaces(participant, plan, ros),
     )
 
@@ -149,30 +140,6 @@ def _theirs(endpoint: TopicEndpointInfo) -> str:
     """Return the type hash of an endpoint if it differs from ours. ROS 2 before Iron tells none."""
     theirs, ours = str(endpoint.topic_type_hash), type_hash(endpoint.topic_type)
     return theirs if theirs.startswith("RIHS") and ours and theirs != ours else ""
-
-
-def _strangers(ros: Ros2) -> list[str]:
-    """Return the other users whose files are in shared memory for this domain, if the console uses it.
-
-    It does so only if it searches on this computer. Two processes of one computer that both offer shared memory use
-    nothing else, even if one may not write into the other's files.
-    """
-    if ros.discovery_server or ros.discovery == "subnet":
-        return []
-    found = set()
-    for file in SHARED.glob("fast*_port*"):
-        port = SHARED_PORT.fullmatch(file.name)
-        if port and (int(port[1]) - FIRST_PORT) // PORTS == ros.domain_id:
-            with suppress(OSError):  # it has just gone
-                found.add(file.stat().st_uid)
-    return sorted(map(_user, found - {os.geteuid()}))
-
-
-def _user(number: int) -> str:
-    try:
-        return getpwuid(number).pw_name
-    except KeyError:
-        return str(number)
 
 
 class _Heard:
