@@ -97,6 +97,9 @@ async def measure_on(stack: Stack, parts: Sequence[str]) -> list[Figure]:
 async def added_to_both(stack: Stack) -> list[Figure]:
     """Drive a robot of each ROS in turn; compare what the console adds to its client library."""
     prefer_loops_or_say(stack)
+    # The console's twists go to the robot and to the observer: bare ones go to two listeners too.
+    for plan in BOTH:
+        start_ros_side(stack, stack.robots[plan.slug], "watch_bare")
     progress("rospy and rclpy, bare and by the console, in turn ...")
     delays_s: dict[str, list[float]] = {}
     async with slots_of(stack, BOTH[0].slug) as ros1, slots_of(stack, BOTH[1].slug) as ros2:

@@ -6,6 +6,7 @@
                          a line for each message: kind, arrival (monotonic ns), values; each line of stdin
                          is a fault for the simulated robot
     publish              Twists at 50 Hz to /bench_bare, each with its time of sending
+    watch_bare           reads them too, as the robot reads those of the console
     map                  a map of 1000 x 1000 cells to /map, once a second
     watch_map            reads the bytes of this map, as a display does
     many                 500 topics without messages
@@ -193,6 +194,7 @@ def main() -> None:
         "publish": publish,
         "map": publish_map,
         "watch_map": lambda: watch("/map", "nav_msgs/OccupancyGrid"),
+        "watch_bare": lambda: watch(BARE_TOPIC, "geometry_msgs/Twist"),
         "many": publish_many,
         "watch_camera": lambda: watch(CAMERA_TOPIC, "sensor_msgs/CompressedImage"),
         "laser": laser,

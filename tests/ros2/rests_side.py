@@ -8,7 +8,7 @@ import time
 
 from std_msgs.msg import String
 
-from robots.bridge.ros2.participant import Participant, Rests
+from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import EVENTS
 
 MESSAGES, ARRIVED_S = 8, 0.3
@@ -30,7 +30,7 @@ def main() -> None:
             time.sleep(ARRIVED_S)  # all have come, and the timers are due
         return 0.01
 
-    participant = Participant("fleet_try", int(sys.argv[1]), rests=Rests(rest_s, 0.0))
+    participant = Participant("fleet_try", int(sys.argv[1]), rests=rest_s)
     words = participant.node.create_publisher(String, "/words", EVENTS)
     participant.listen("/words", "std_msgs/msg/String", lambda raw, info: heard.append(raw), EVENTS)
     for _ in range(3):

@@ -28,7 +28,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import FLUSH_S, TWISTS, Drives, Twists, cancel_client, cancel_goals
+from robots.bridge.ros2.drive import FLUSH_S, Drives, cancel_client, cancel_goals, velocity_bytes
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
@@ -36,7 +36,7 @@ from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.presence import Presence
 from robots.bridge.ros2.network.survey import Listeners, Problems, is_there, wanted_kind
-from robots.bridge.ros2.participant import Participant, Rests
+from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros2.sensors.description import DescriptionTopic
 from robots.bridge.ros2.sensors.tf import TfTopics
@@ -60,8 +60,9 @@ CLOCK = "/clock"  # published where time is simulated
 LEAVE_S = 1.0
 LISTENER_PATIENCE_S = 0.5
 # Between reads while the robot stands without a driver: shorter than each sensor's limit, and no queue overflows.
-# While it moves or has a driver: the gate sees the age of all that it reads.
-RESTS_S, MOVES_S = 0.05, 0.008
+# While it moves or has a driver: the gate sees the age of all that it reads. A rest begins anew with each twist: with
+# this length no read holds up the next one, of a page (30 a second) or a program (50).
+RESTS_S, MOVES_S = 0.05, 0.009
 HEARD_S = 2.0  # a publisher of odometry that is silent for longer may have ended
 
 
@@ -72,7 +73,6 @@ class RosBase:
         self.config = config
         self._ros = ros2(config.ros)
         self._twist = config.topics.drive.type  # of velocities, as the robot takes them
-        self._twists = {kind: Twists(kind) for kind in TWISTS.values()}
         self._driven = frozenset(
             {config.topics.drive.name}
         )  # topics of velocities: the default and a chosen one
@@ -83,6 +83,7 @@ class RosBase:
         self._topic_worker = Worker("topics")
         self._monitor = DomainMonitor(self)
         self._drives = Drives(PublisherEventCallbacks(matched=lambda _: self._monitor.look()))
+        self._hurries = False
         self._runs: set[int] = set()  # of odometry, at the last survey that heard any
         self._diagnosing: dict[bytes, str] = {}  # nodes by their publisher of diagnostics
         self._text: str | None = None  # the description at the last survey
@@ -135,7 +136,8 @@ class RosBase:
         drive = self._drive
         if drive is not None:
             try:
-                drive.publish(self._twists[drive.msg_type].of(velocity))
+                drive.publish(velocity_bytes(drive.msg_type, velocity))
+                self.participant.read_soon()
             except InvalidHandle:  # its topic is being closed
                 log.warning("a velocity was not published: its topic is closed")
 
@@ -174,8 +176,9 @@ class RosBase:
 
     def hurry(self, wanted: bool) -> None:
         """Read messages soon if wanted, else in larger batches."""
-        if participant := getattr(self, "participant", None):
-            participant.hurry(wanted)
+        begins, self._hurries = wanted and not self._hurries, wanted
+        if begins and (participant := getattr(self, "participant", None)):
+            participant.read_soon()
 
     def use_on_demand_topics(self, wanted: bool) -> None:
         """Subscribe to the costly topics (depth, tf) only while a person drives."""
@@ -224,7 +227,7 @@ class RosBase:
             BRIDGE.strip("/"),
             self._ros.domain_id,
             lambda: self.lost(name_taken=False),
-            Rests(lambda: MOVES_S if reception.moves else RESTS_S, MOVES_S),
+            lambda: MOVES_S if self._hurries or reception.moves else RESTS_S,
         )
         self.graph = Graph(participant.node)
         self._listeners = Listeners(Graph(participant.node))
@@ -390,7 +393,7 @@ class RosBase:
             self._await_listener(publisher)
             missed = publisher is self._drive and self._drives.sent != sent
             if missed and self._drives.newest == STILL:
-                publisher.publish(Twists(publisher.msg_type).of(STILL))
+                publisher.publish(velocity_bytes(publisher.msg_type, STILL))
 
     def _await_listener(self, publisher: Any) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial, wraps
-from typing import Any, NamedTuple
+from typing import Any
 
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -58,13 +58,6 @@ _END = partial(os._exit, 1)  # a process that hears nothing more must not seem t
 Take = Callable[[bytes, Any], None]
 
 
-class Rests(NamedTuple):
-    """How long (s) the executor leaves messages in their queues: now, and in a hurry, which ends a rest at once."""
-
-    seconds: Callable[[], float]
-    hurried_s: float
-
-
 class _AllAtOnce(ReentrantCallbackGroup):  # type: ignore[misc]
     """Lets each callback run: one thread runs them all.
 
@@ -92,8 +85,8 @@ class Participant:
     """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments.
 
     If its executor fails again and again, the process ends, or does what `on_failed` says. With `rests` it reads in
-    batches: rclpy builds its wait set anew after each batch, which costs more than a message, and keeps the event loop
-    from sending a twist meanwhile.
+    batches, and leaves messages in their queues for so long (s): rclpy builds its wait set anew after each batch, which
+    costs more than a message, and keeps the event loop from sending a twist meanwhile.
     """
 
     def __init__(
@@ -101,12 +94,12 @@ class Participant:
         name: str,
         domain: int,
         on_failed: Callable[[], None] = _END,
-        rests: Rests | None = None,
+        rests: Callable[[], float] | None = None,
     ) -> None:
         self._context = Context()
         self._on_failed = on_failed
         self._rests = rests
-        self._hurries = threading.Event()
+        self._reads = threading.Event()  # now, instead of a rest
         self._closing = False
         rclpy.init(
             args=[],
@@ -145,9 +138,9 @@ class Participant:
 
         start_vital(until_closed, name)
 
-    def hurry(self, wanted: bool) -> None:
-        """End a rest at once, and make shorter ones until a hurry is no longer wanted. Thread-safe."""
-        (self._hurries.set if wanted else self._hurries.clear)()
+    def read_soon(self) -> None:
+        """End a rest: the next one begins after a read. Thread-safe."""
+        self._reads.set()
 
     def listen(
         self,
@@ -221,7 +214,7 @@ class Participant:
     def close(self, patience_s: float) -> None:
         """Leave the domain. Without the end of the node, others would miss this participant only after 20 s."""
         self._closing = True
-        self.hurry(True)
+        self.read_soon()
         self._executor.shutdown(patience_s)
         if self._thread.is_alive():
             self._thread.join(patience_s)
@@ -267,12 +260,9 @@ class Participant:
                 raise error
 
     def _rest(self) -> None:
-        if self._rests is None:
-            return
-        if self._hurries.is_set():
-            time.sleep(self._rests.hurried_s)
-        else:
-            self._hurries.wait(self._rests.seconds())
+        if self._rests is not None:
+            self._reads.wait(self._rests())
+            self._reads.clear()
 
     def _let_all_run(self) -> None:
         """Forget which callback failed: for the executor it still runs, so it would never be called again."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import FLUSH_S, Drives, Twists, cancel_client, cancel_goals
+from robots.bridge.ros2.drive import FLUSH_S, Drives, cancel_client, cancel_goals, velocity_bytes
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners, wanted_kind
@@ -66,7 +66,7 @@ class WatchdogNode:
         reached = 0
         for name, publisher in list(self._drives.by_topic.items()):
             try:
-                publisher.publish(Twists(publisher.msg_type).of(STILL))
+                publisher.publish(velocity_bytes(publisher.msg_type, STILL))
                 reached += self._listeners.of(name, publisher)
             except InvalidHandle as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)

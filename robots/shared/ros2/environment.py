@@ -13,8 +13,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
 MESSAGES = WHEELS / "messages"  # packages generated from definitions
-# With static peers, nodes announce themselves nowhere else: these are to be peers too.
-_BESIDE_PEERS = {"subnet": ("239.255.0.1",), "localhost": ("127.0.0.1",), "off": ()}
+MULTICAST = "239.255.0.1"  # where nodes announce themselves
+# With static peers, they do so nowhere else: these are to be peers too.
+_BESIDE_PEERS = {"subnet": (MULTICAST,), "localhost": ("127.0.0.1",), "off": ()}
 PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # since Kilted, and before
 READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
