@@ -1,4 +1,4 @@
-"""What a check asks of a robot: the topics that its profile and its entry name."""
+"""Questions of a check to a robot: the topics that its profile and its entry name."""
 
 from __future__ import annotations
 

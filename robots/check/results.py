@@ -1,4 +1,4 @@
-"""What a check of a robot says."""
+"""Results of a check of a robot."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class NotNow(Exception):
 
 
 class Joined(Struct, frozen=True):
-    """What a computer gets for its code: settings, its certificate, and the authority of all bridges' certificates."""
+    """Files of a computer for its code: settings, its certificate, the authority of all bridges' certificates."""
 
     settings: dict[str, str]
     certificate: str

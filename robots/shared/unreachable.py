@@ -1,4 +1,4 @@
-"""What is told of a robot that cannot be asked, whatever it speaks."""
+"""A robot that cannot be asked, whatever it speaks."""
 
 
 class Unreachable(Exception):

@@ -1,4 +1,4 @@
-"""What the simulated robot's topics and actions need of ROS. `ros.side` fulfils it with rospy, `ros2.side` with rclpy.
+"""The parts of ROS that simulated topics and actions need. `ros.side` fulfils it with rospy, `ros2.side` with rclpy.
 
 Types of messages and actions have their bare names, such as ``geometry_msgs/Twist`` and ``control_msgs/PointHead``.
 """

@@ -25,7 +25,7 @@ _PYTHON = re.compile(r"python3\.\d+")
 
 
 class _Answer(NamedTuple):
-    """What a script gave last."""
+    """The variables that a script gave last."""
 
     mtime_ns: int
     at_s: float

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class Unready(Exception):
-    """What is missing, and what to do, in words."""
+    """The missing part and its remedy, in words."""

@@ -1,4 +1,4 @@
-"""What a ROS side does for the camera process: it subscribes to cameras, and reads their messages."""
+"""A ROS side's work for the camera process: it subscribes to cameras, and reads their messages."""
 
 from __future__ import annotations
 

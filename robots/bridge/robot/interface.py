@@ -1,4 +1,4 @@
-"""What each ROS side of a bridge is to the rest: `robots.bridge.ros` and `robots.bridge.ros2` fulfil these protocols.
+"""Each ROS side of a bridge, as the rest sees it: `robots.bridge.ros` and `robots.bridge.ros2` fulfil these protocols.
 
 A test compares their signatures; mypy compares each side where it is defined.
 """
@@ -75,7 +75,7 @@ class StopSide(Protocol):
 
 
 class RobotParameters(Protocol):
-    """What a robot tells when it is asked. Calls take a while, and raise `Unreachable`."""
+    """A robot's answers. Calls take a while, and raise `Unreachable`."""
 
     def motions(self, action: str, motion: str = "") -> Any:
         """Return the parameters of an action's motions, by name, or those of one motion; None: there are none."""

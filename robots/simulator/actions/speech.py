@@ -9,7 +9,7 @@ from robots.simulator.speech import Mark, Utterance, objection
 
 
 class Asked(NamedTuple):
-    """What a goal asks to say. `wait_s`: silence before it."""
+    """The words that a goal asks for. `wait_s`: silence before it."""
 
     text: str
     language: str

@@ -1,4 +1,4 @@
-/** What pages showed: the recorded views around the moment, read in pieces before they are needed. */
+/** Views that pages showed: the recorded ones around the moment, read in pieces before they are needed. */
 
 const PIECE_S = 5; // of one request, if its views are small
 const AHEAD_S = 5;

@@ -1,4 +1,4 @@
-"""What a process shows of refused data, and how much memory a robot's network may take."""
+"""A process's words about refused data, and the memory that a robot's network may take."""
 
 from __future__ import annotations
 

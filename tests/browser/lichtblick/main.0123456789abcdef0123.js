@@ -30,7 +30,7 @@ new Worker(URL.createObjectURL(inWorker)).onmessage = ({ data }) => say("worker"
 localStorage.setItem("layout", "kept");
 indexedDB.open("layouts").onsuccess = () => say("kept", localStorage.getItem("layout"));
 
-// What it must not do, with the session of the person who opened it
+// Acts that it must not do, with the session of the person who opened it
 tries("api", () => fetch("/api/v1/robots"));
 tries("elsewhere", () => fetch("https://example.org/"));
 tries(

@@ -1,4 +1,4 @@
-"""What strangers of a domain do to parts of the console: their servers, types, QoS, floods."""
+"""Attacks of a domain's strangers on parts of the console: their servers, types, QoS, floods."""
 
 import os
 import subprocess

@@ -154,7 +154,7 @@ def test_compose_keeps_its_data_and_starts_again_what_dies(
         compose("exec", "-T", "caddy", "caddy", "reload", "--config", "/etc/caddy/Caddyfile")
         is_upgraded(compose, policy)
         is_restored(compose)
-        # What podman-restart.service does before and after a boot, in no order.
+        # The work of podman-restart.service before and after a boot, in no order.
         compose.podman("stop", "--all", "--filter", "restart-policy=always")
         compose.podman("start", "--all", "--filter", "restart-policy=always")
         until(is_served, "the console after a boot", STARTS_S)

@@ -1,4 +1,4 @@
-"""What the visitors of both ROS share: ``python -m tests.sides.visiting.ros1 SOCKET NAME``.
+"""The parts that the visitors of both ROS share: ``python -m tests.sides.visiting.ros1 SOCKET NAME``.
 
 Each line is a command in JSON: `id`, `do` (a method), and its arguments. Each answer has the same `id`: `value`, what
 the method returned; `error`; or `message`, as often as one comes. Names of types are those of ROS 1, such as

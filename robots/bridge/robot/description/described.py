@@ -1,4 +1,4 @@
-"""What the check of a robot finds in its description."""
+"""Findings of the robot check in the robot's description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the bridge concludes from the publishers and listeners of a robot, as its side finds them every few seconds."""
+"""The bridge's conclusions from the publishers and listeners of a robot, as its side finds them every few seconds."""
 
 from __future__ import annotations
 

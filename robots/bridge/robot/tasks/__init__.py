@@ -1,1 +1,1 @@
-"""What both ROS sides do for tasks."""
+"""The work of both ROS sides for tasks."""

@@ -1,4 +1,4 @@
-"""What the robot's own navigation reports: its goals, its pose on the map, its path, and its twists."""
+"""Reports of the robot's own navigation: its goals, its pose on the map, its path, and its twists."""
 
 from __future__ import annotations
 

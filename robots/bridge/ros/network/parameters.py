@@ -1,4 +1,4 @@
-"""What a robot's parameters and services tell about its motions."""
+"""The robot's motions, by its parameters and services."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who publishes, listens and serves in a robot's domain. Calls return at once: DDS told all of it before."""
+"""Publishers, listeners and servers in a robot's domain. Calls return at once: DDS told all of it before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot's nodes tell about their parameters and motions. Calls take a while: no call on the event loop."""
+"""The parameters and motions of a robot's nodes. Calls take a while: no call on the event loop."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ QOS = QoSProfile(
 
 
 class Word(Struct, frozen=True):
-    """What a bridge says. `process`: an id of its own, since copies of a console have the same names for all."""
+    """The message of a bridge. `process`: an id of its own, since copies of a console have the same names for all."""
 
     process: str
     host: str

@@ -1,4 +1,4 @@
-"""Who of a robot is in its domain, and what of it does not fit the console."""
+"""The robot's nodes in its domain, and what of them does not fit the console."""
 
 from __future__ import annotations
 
