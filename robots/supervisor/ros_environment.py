@@ -29,7 +29,7 @@ ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_
 NOT_INHERITED = {
     *("ROS_IP", "ROS_HOSTNAME", "ROS_MASTER_URI"),
     *("ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"),
-    *("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", *wheels.PROFILES),
+    *("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", wheels.PROFILE, wheels.PROFILE_BEFORE),
 }
 
 
@@ -94,7 +94,10 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
     else:
         raise RclpyMissing
     if not ros.discovery_server:
-        return environment | wheels.domain_environment(ros.domain_id, ros.discovery, ros.static_peers)
+        environment |= wheels.domain_environment(ros.domain_id, ros.discovery, ros.static_peers)
+        if ros.setup and (profile := environment.get(wheels.PROFILE)):
+            environment[wheels.PROFILE_BEFORE] = profile  # Kilted and later warn of it
+        return environment
     environment |= wheels.domain_environment(ros.domain_id, "subnet")
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
     # Without the second, the server tells a node only of nodes that have its topics.

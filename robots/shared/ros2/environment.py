@@ -16,7 +16,8 @@ MESSAGES = WHEELS / "messages"  # packages generated from definitions
 MULTICAST = "239.255.0.1"  # where nodes announce themselves
 # With static peers, they do so nowhere else: these are to be peers too.
 _BESIDE_PEERS = {"subnet": (MULTICAST,), "localhost": ("127.0.0.1",), "off": ()}
-PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # since Kilted, and before
+PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
+PROFILE_BEFORE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # until Jazzy
 READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
 # The wheels start Python again with the libraries' folders, unless this is set.
@@ -61,7 +62,7 @@ def domain_environment(
         found["ROS_STATIC_PEERS"] = ";".join([*_BESIDE_PEERS[discovery], *peers])
         profile = "many_peers" if discovery == "subnet" else "only_peers"
     if profile:
-        found |= dict.fromkeys(PROFILES, str(Path(__file__).with_name(f"{profile}.xml")))
+        found[PROFILE] = str(Path(__file__).with_name(f"{profile}.xml"))
     return found
 
 

@@ -100,7 +100,8 @@ def test_the_set_up_script_of_a_distribution_runs_once(tmp_path: Path) -> None:
         assert (found["AMENT_PREFIX_PATH"], found["ROS_DOMAIN_ID"]) == (str(tmp_path), "7")
     assert (tmp_path / "runs").read_text() == "run\n"
     os.utime(script, ns=(1, 1))
-    environment_of(Ros2(7, setup=script))
+    found = environment_of(Ros2(7, "localhost", setup=script))
+    assert found["FASTRTPS_DEFAULT_PROFILES_FILE"] == found["FASTDDS_DEFAULT_PROFILES_FILE"]
     assert (tmp_path / "runs").read_text() == "run\nrun\n"
 
 
