@@ -1,4 +1,4 @@
-"""A robot's base in a process of its own: odometry, scans, a listener of the drive topic, an action to cancel.
+"""A robot's base in a process of its own: odometry, scans, a listener of the drive topic, actions to cancel.
 
 It prints one line for each twist and each cancel, and ends when stdin does.
 """
@@ -20,6 +20,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState, LaserScan, Range
 from std_msgs.msg import Float32, String
 
+OTHER = "/arm_controller/follow_joint_trajectory"  # an action that no configuration names
+
 
 def main() -> None:
     rclpy.init()
@@ -40,15 +42,19 @@ def main() -> None:
     def tell(*words: object) -> None:
         print(*words, flush=True)
 
-    def cancel(request: CancelGoal.Request, answer: CancelGoal.Response) -> CancelGoal.Response:
-        zero = not any(request.goal_info.goal_id.uuid) and not request.goal_info.stamp.sec
-        tell("cancel", "all" if zero else "one")
-        return answer
+    def serve_cancel(action: str, word: str) -> None:
+        def cancel(request: CancelGoal.Request, answer: CancelGoal.Response) -> CancelGoal.Response:
+            zero = not any(request.goal_info.goal_id.uuid) and not request.goal_info.stamp.sec
+            tell(word, "all" if zero else "one")
+            return answer
+
+        node.create_service(CancelGoal, f"{action}/_action/cancel_goal", cancel)
 
     node.create_subscription(
         Twist, "/key_vel", lambda twist: tell("twist", twist.linear.x, twist.angular.z), 1
     )
-    node.create_service(CancelGoal, "/play_motion2/_action/cancel_goal", cancel)
+    serve_cancel("/play_motion2", "cancel")
+    serve_cancel(OTHER, "cancel_other")
 
     def report() -> None:
         now = node.get_clock().now().to_msg()
@@ -68,6 +74,8 @@ def main() -> None:
         joints.publish(JointState(name=["head_1_joint", "torso"], position=[0.5, -0.25], velocity=[1.0, 2.0]))
         status = DiagnosticStatus(name="motor", level=DiagnosticStatus.WARN, message="hot")
         diagnostics.publish(DiagnosticArray(status=[status]))
+        if node.count_clients(f"{OTHER}/_action/cancel_goal"):
+            tell("found")
 
     def spin() -> None:
         with suppress(ExternalShutdownException):

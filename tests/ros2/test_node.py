@@ -53,6 +53,12 @@ def test_twists_and_cancels_reach_the_robot(bridge: Side, robot: Side) -> None:
     assert robot.await_line("cancel") == ["cancel", "all"]
 
 
+def test_goals_of_actions_that_nobody_named_are_cancelled_too(bridge: Side, robot: Side) -> None:
+    robot.await_line("found")
+    bridge.say("cancel")
+    assert robot.await_line("cancel_other") == ["cancel_other", "all"]
+
+
 def test_a_bridge_that_ends_leaves_zero(bridge: Side, robot: Side) -> None:
     bridge.await_line("listened")
     bridge.say("0.5 0.0")

@@ -52,6 +52,7 @@ def test_a_stop_is_confirmed_when_the_robot_gets_it_not_the_tap(domain: int, con
                 robot.await_line("twist")
                 lane.settimeout(PATIENCE_S)
                 assert b"stopped" in lane.recv(1 << 16)
+                assert robot.await_line("cancel_other") == ["cancel_other", "all"]  # of no configuration
             finally:
                 robot.close()
     finally:

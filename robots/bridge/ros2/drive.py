@@ -1,25 +1,20 @@
-"""Messages of bridge and watchdog to a robot: velocities, and cancels of all goals of an action."""
+"""Velocities of bridge and watchdog to a robot."""
 
 from __future__ import annotations
 
-import logging
 import struct
 import time
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Twist, TwistStamped
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
-from robots.bridge.ros2.qos import CANCELS, DRIVE
+from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.geometry.poses import STILL, Velocity
 
-log = logging.getLogger(__name__)
 FLUSH_S = 0.1  # in which a message leaves
 
 TWISTS: dict[str, type[Any]] = {
@@ -101,33 +96,3 @@ class Drives:
         return self.by_topic.keys() == set(topics) and all(
             kind_of(one) == kind for one in self.by_topic.values()
         )
-
-
-class _NotRead(ReentrantCallbackGroup):  # type: ignore[misc]
-    """Lets no executor read."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return False."""
-        return False
-
-
-_NOT_READ = _NotRead()
-
-
-def cancel_client(node: Node, action: str) -> Any:
-    """Return a client that cancels goals of an action. Its answers, which may have any size, are never read."""
-    service = f"{action}/_action/cancel_goal"
-    return node.create_client(CancelGoal, service, qos_profile=CANCELS, callback_group=_NOT_READ)
-
-
-def cancel_goals(clients: Iterable[Any], goal: bytes = bytes(16)) -> None:
-    """Cancel one goal of these actions; without an id all goals, from any sender (zero id and zero stamp)."""
-    request = CancelGoal.Request()
-    request.goal_info.goal_id.uuid = np.frombuffer(goal, np.uint8)
-    for client in clients:
-        try:
-            if client.service_is_ready():
-                # Nobody reads the answer: a server that never answers must not leave one waiting for each stop.
-                client.remove_pending_request(client.call_async(request))
-        except Exception:  # the other actions' goals are cancelled all the same
-            log.exception("goals of one action were not cancelled")

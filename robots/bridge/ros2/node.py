@@ -28,7 +28,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import FLUSH_S, Drives, cancel_client, cancel_goals, velocity_bytes
+from robots.bridge.ros2.drive import FLUSH_S, Drives, velocity_bytes
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
@@ -41,6 +41,7 @@ from robots.bridge.ros2.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros2.sensors.description import DescriptionTopic
 from robots.bridge.ros2.sensors.tf import TfTopics
 from robots.bridge.ros2.sensors.topics import SensorTopics
+from robots.bridge.ros2.tasks.cancels import MOST_ACTIONS, Cancels
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
@@ -76,7 +77,7 @@ class RosBase:
         self._driven = frozenset(
             {config.topics.drive.name}
         )  # topics of velocities: the default and a chosen one
-        self._cancels: list[Any] = []
+        self._cancels: Cancels | None = None
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
         self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
@@ -153,7 +154,8 @@ class RosBase:
 
     def cancel_all(self) -> None:
         """Cancel the goals of all clients, as an emergency stop must."""
-        cancel_goals(self._cancels)
+        if self._cancels is not None:
+            self._cancels.cancel_all()
         self.parts.cancel_all()
 
     def located(self) -> tuple[float, Pose] | None:
@@ -273,7 +275,7 @@ class RosBase:
     def hold(self) -> None:
         """Connect to the drive topic: the robot is this bridge's."""
         topics = self.config.topics
-        self._cancels = [cancel_client(self.participant.node, action) for action in topics.cancelled]
+        self._cancels = Cancels(self.participant.node, topics.cancelled, self._ros.namespace)
         self._twist = wanted_kind(self.graph, topics.drive, self._twist)
         self._drives.connect(self.participant.node, {topics.drive.name}, self._twist)
         self.parts.connect(self)
@@ -285,10 +287,11 @@ class RosBase:
             text = say("Nothing of this robot answers in domain {domain}.", domain=self._ros.domain_id)
             self.report(RosStatus("waiting", text))
             return
-        if not self.holds:
+        if not self.holds or self._cancels is None:
             return
         self.followed.follow()
         self._follow_kind()
+        self._cancels.look()
         system = self._system()
         self._surveys.surveyed(system, drive, self._problems(drive))
         self._reception.follow_clock(bool(system.publishers.get(CLOCK)))
@@ -303,6 +306,9 @@ class RosBase:
         found = self._misfits.of(drive, self._twist)
         if self._tf is not None and self._tf.frames.is_full:
             found.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
+        if self._cancels is not None and self._cancels.is_full:
+            words = "The robot’s domain has many actions: a stop cancels goals of its profile’s and of {count} more."
+            found.append(say(words, count=MOST_ACTIONS))
         return found
 
     def report(self, status: RosStatus) -> None:

@@ -7,15 +7,16 @@ import math
 import os
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import FLUSH_S, Drives, cancel_client, cancel_goals, velocity_bytes
+from robots.bridge.ros2.drive import FLUSH_S, Drives, velocity_bytes
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners, wanted_kind
 from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.tasks.cancels import Cancels
 from robots.shared.configuration.robot_ros import ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.geometry.poses import STILL
@@ -41,7 +42,7 @@ class WatchdogNode:
         self._wanted = {config.drive.name}
         self._twist = config.drive.type  # of velocities, as the robot takes them
         self._drives = Drives()
-        self._cancels: list[Any] = []
+        self._cancels: Cancels | None = None
         self._listeners: Listeners
         self._zeroed_s = -math.inf  # when a zero reached the robot last
         self._news = threading.Event()
@@ -76,7 +77,8 @@ class WatchdogNode:
 
     def cancel(self) -> None:
         """Cancel the goals of all clients."""
-        cancel_goals(self._cancels)
+        if self._cancels is not None:
+            self._cancels.cancel_all()
 
     def drive_to(self, topic: str) -> None:
         """Publish zeros on this topic from now on, in addition to the default topic. Returns at once."""
@@ -95,12 +97,13 @@ class WatchdogNode:
             self._listeners = Listeners(Graph(participant.node))
             graph = Graph(participant.node)  # of this thread
             listeners = Listeners(graph)
-            self._cancels = [cancel_client(participant.node, action) for action in self._config.actions]
+            self._cancels = cancels = Cancels(participant.node, self._config.actions, ros.namespace)
             self._drives.connect(participant.node, self._wanted, self._twist)
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
                 self._twist = wanted_kind(graph, drive, self._twist)
                 self._drives.connect(participant.node, self._wanted, self._twist)
+                cancels.look()
                 self._news.wait(LOOK_S)
                 self._news.clear()
                 if not self._ending and self._is_cut_off(joined, listeners):

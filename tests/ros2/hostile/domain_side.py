@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
+from action_msgs.srv import CancelGoal
 from msgspec.structs import replace
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.executors import SingleThreadedExecutor
@@ -30,6 +31,7 @@ from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE, kept, pictures, sensor
 from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
+from robots.bridge.ros2.tasks.cancels import CANCEL, MOST_ACTIONS, Cancels
 from robots.shared.configuration.bridge_config import Topic, drive_topic
 from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.geometry.poses import STILL, Velocity
@@ -288,6 +290,33 @@ def crowd(participant: Participant) -> None:
     until(lambda: (words.publish(String(data="a")), heard and seen.told > repeated)[1], "a word")
     tell("looked", *looked)
     server.die()
+
+
+def servers(participant: Participant) -> None:
+    """More servers of actions than a stop cancels, names without a server, another robot's; then they leave."""
+    strange, names = member("strange"), member("names")
+    cancels = Cancels(participant.node, ["/configured"], "/lab")
+    clients = participant.node._clients
+
+    def look() -> list[str]:
+        cancels._due_s = 0.0
+        cancels.look()
+        return sorted(client.srv_name.removesuffix(CANCEL) for client in clients)
+
+    for number in range(MOST_ACTIONS + 40):
+        strange.create_service(CancelGoal, f"/lab/a_{number}{CANCEL}", print)
+        names.create_client(CancelGoal, f"/lab/b_{number}{CANCEL}")
+    strange.create_service(CancelGoal, f"/other/c{CANCEL}", print)
+    until(lambda: len(look()) > MOST_ACTIONS, "servers")
+    until(lambda: (look(), cancels.is_full)[1], "that there are more")
+    before = look()
+    tell("found", len(before), *{action.rpartition("_")[0] for action in before})
+    member("late").create_service(CancelGoal, f"/lab/a_late{CANCEL}", print)
+    until(lambda: participant.node.count_services(f"/lab/a_late{CANCEL}"), "one more")
+    tell("stay", look() == before)
+    leave(strange)
+    until(lambda: look() == ["/configured", "/lab/a_late"], "that the places are free")
+    tell("left", cancels.is_full)
 
 
 def heard_by(name: str, kind: Any) -> list[float]:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -114,10 +115,24 @@ def names(size: int) -> Work:
 
 def topics(number: int) -> Work:
     """Topics with names as long as a name may be."""
-    made = []
+    return many(number, lambda node, at: node.create_publisher(String, f"/t_{at}_{'n' * 200}", 1))
+
+
+def servers(number: int) -> Work:
+    """Servers of actions: what a stop looks for."""
+    return many(
+        number,
+        lambda node, at: node.create_service(
+            CancelGoal, f"/a_{at}_{'n' * 150}/_action/cancel_goal", lambda _request, answer: answer
+        ),
+    )
+
+
+def many(number: int, make: Callable[[Node, int], Any]) -> Work:
     for at in range(number):
-        node = member(f"topics_{at}") if at % AT_ONCE == 0 else made[-1][0]
-        made.append((node, node.create_publisher(String, f"/t_{at}_{'n' * 200}", 1)))
+        if at % AT_ONCE == 0:
+            node = member(f"many_{at}")
+        make(node, at)  # the node keeps it
         yield
     while True:
         time.sleep(1.0)
@@ -150,6 +165,7 @@ WORK: dict[str, Callable[[int], Work]] = {
         huge_map,
         names,
         topics,
+        servers,
         comers,
     )
 }

@@ -29,10 +29,11 @@ STRANGERS = {
     "tiny": [("tiny",)],
     "names": [("names", "1000000")],
     "topics": [("topics", "10000")],
+    "servers": [("servers", "10000")],
     "comers": [("comers",)],
     "huge_map": [("huge_map", "10000")],
 }
-DEEDS = {"topics": 10_000, "comers": 100}  # before the first press
+DEEDS = {"topics": 10_000, "servers": 10_000, "comers": 100}  # before the first press
 
 
 @pytest.fixture(scope="module", params=STRANGERS)

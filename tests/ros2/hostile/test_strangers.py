@@ -86,6 +86,14 @@ def test_listeners_that_dds_does_not_connect_hide_no_robot(domain: int) -> None:
             assert side.await_line("listeners") == ["listeners", "1"]
 
 
+def test_a_stop_cancels_goals_of_so_many_servers_and_no_more(domain: int) -> None:
+    """Who was there first stays; names that nobody serves, and another robot's namespace, take no place."""
+    with scenario(domain, "servers") as side:
+        assert side.await_line("found")[:2] == ["found", "129"]
+        assert side.await_line("stay") == ["stay", "True"]
+        assert side.await_line("left") == ["left", "False"]
+
+
 def test_thousands_of_publishers_are_not_looked_at(domain: int) -> None:
     with scenario(domain, "crowd") as side:
         assert side.await_line("looked") == ["looked"]
@@ -105,10 +113,11 @@ def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> N
         assert int(side.await_line("grown")[1]) < GROWN_MB
 
 
-def test_a_map_that_is_too_large_is_named(domain: int) -> None:
+@pytest.mark.parametrize("side", [4200, 10_000], ids=["18 MB", "100 MB"])
+def test_a_map_that_is_too_large_is_named(domain: int, side: int) -> None:
     wanted = MapWanted(Ros2(domain, "localhost"), Topic("/map", "nav_msgs/msg/OccupancyGrid"))
     environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
-    with stranger(domain, "huge_map", "4200"):
+    with stranger(domain, "huge_map", str(side)):
         found = subprocess.run(
             [sys.executable, "-m", "robots.bridge.ros2.sensors.map"],
             cwd=REPOSITORY,
@@ -118,4 +127,4 @@ def test_a_map_that_is_too_large_is_named(domain: int) -> None:
             timeout=PATIENCE_S,
             check=True,
         )
-    assert msgspec.msgpack.decode(found.stdout, type=NoMap).why == "/huge_map: it has 4200 x 4200 cells"
+    assert msgspec.msgpack.decode(found.stdout, type=NoMap).why == f"/huge_map: it has {side} x {side} cells"

@@ -16,13 +16,13 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 
 from robots.bridge.robot.interface import Node
-from robots.bridge.ros2.drive import cancel_client, cancel_goals
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.participant import Participant, guarded
 from robots.bridge.ros2.qos import EVENTS, STATIC
 from robots.bridge.ros2.sensors.cdr import Cdr
+from robots.bridge.ros2.tasks.cancels import cancel_client, cancel_goals
 from robots.bridge.tasks.goals import OURS
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.texts import MOST_GOALS, MOST_NODES, most_of
