@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import struct
+import threading
 import time
 
 import psutil
@@ -66,6 +67,24 @@ def test_a_type_that_nobody_knows_is_passed_on_as_bytes(tap, node):
     tap.refuses("unknown", "type_unknown")
     assert tap.hears("unknown", "raw") == b"abc"
     assert not tap.of("unknown", "json")
+
+
+def test_a_publisher_that_comes_back_with_another_type_is_read(tap, node):
+    """The master's word of it may come before the end of the old connection. Then nobody says it again."""
+    ends = threading.Event()
+
+    def first():
+        yield framed(text("one"))
+        ends.wait()
+        raise ConnectionError
+
+    node.publish("/comes_back", "std_msgs/String", first, **said_by(String))
+    tap.want(comes_back="json")
+    assert json.loads(tap.hears("comes_back")) == {"data": "one"}
+    tap.messages.clear()
+    node._topics["/comes_back"] = repeated(struct.pack("<q", 5)), 10.0, said_by(Int64)
+    ends.set()
+    assert json.loads(tap.hears("comes_back")) == {"data": 5}
 
 
 def test_a_broken_message_is_named_until_a_whole_one_comes(tap, node):

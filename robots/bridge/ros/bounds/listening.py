@@ -256,6 +256,7 @@ class Transport(TCPROSTransport):  # type: ignore[misc]
 
 _dialling: set[tuple[str, str]] = set()
 _failures: dict[tuple[str, str], float] = {}  # last pause (s)
+_ended: set[str] = set()  # topics of which a connection has ended since the last look
 _lock = threading.Lock()
 
 
@@ -292,7 +293,8 @@ def connect(manager: Any, topic: str, uri: str) -> None:
 def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: str) -> None:
     """Connect once, and read; after a failure, try again later. Replaces rospy's robust_connect_subscriber.
 
-    Runs on the connection's thread.
+    Runs on the connection's thread. After its end, the master is asked for the publishers again: its word of a
+    publisher that comes back on the same node may arrive before the end of the old connection, and then counts for it.
     """
     try:
         connection.connect(host, port, uri, timeout=CONNECT_S)
@@ -304,6 +306,8 @@ def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: s
     with _lock:
         _failures.pop((topic, uri), None)
     connection.receive_loop(take)
+    with _lock:
+        _ended.add(topic)
 
 
 def _later(topic: str, uri: str) -> None:
@@ -337,10 +341,13 @@ class Manager(RegManager):  # type: ignore[misc]
             super().publisher_update(topic, list(found)[:most])
 
     def _try_again(self) -> None:
-        """Ask the master again for the publishers of a topic when one of them is no longer barred."""
+        """Ask the master again for the publishers of a topic when one has ended, or is no longer barred."""
         while not rospy.is_shutdown():
             time.sleep(CHECK_S)
             topics = BOARD.released(time.monotonic())
+            with _lock:
+                topics |= _ended
+                _ended.clear()
             if CALL_REFUSED.is_set():
                 CALL_REFUSED.clear()
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
