@@ -34,6 +34,7 @@ class Goal(RecordedTask, Generic[What]):
     topic: str  # the action's name, for an action
     id: str | None = None
     heard_s: float = math.inf  # when it was recorded, sent, or last reported by the robot
+    reported: bool = False  # the robot has it
     cancelled: Refusal | None = None  # reason of the cancel; its code is the outcome
     cancel_sent_s: float | None = None  # the last cancel was sent at this time or earlier
 
@@ -51,6 +52,8 @@ class Goals(ABC, Generic[What]):
 
     # this kind's words for a cause, in place of the refusal's code
     outcomes: ClassVar[Mapping[Cause, str]] = {}
+    # a goal that was sent is given up if the robot has not reported it at all for this time
+    answered_within_s: ClassVar[float] = UNHEARD_S
 
     def __init__(self, records: Records, send_cancel: Callable[[str, str], None]) -> None:
         self._records = records
@@ -133,8 +136,9 @@ class Goals(ABC, Generic[What]):
         goal = self._current
         if goal is None:
             return
-        if now_s - goal.heard_s > UNHEARD_S:
-            self.cancel("unheard", say("The robot did not report it for {seconds:.0f} s.", seconds=UNHEARD_S))
+        limit_s = self.answered_within_s if goal.id is not None and not goal.reported else UNHEARD_S
+        if now_s - goal.heard_s > limit_s:
+            self.cancel("unheard", say("The robot did not report it for {seconds:.0f} s.", seconds=limit_s))
             self._end("cancelled", "", now_s)
             self._ended = None  # a later report means that the robot still performs this goal
         elif goal.cancelled is not None and goal.id is not None:
@@ -173,7 +177,7 @@ class Goals(ABC, Generic[What]):
             self._others.pop(topic, None)
         if goal is None or goal.id not in ids:
             return None
-        goal.heard_s = now_s
+        goal.heard_s, goal.reported = now_s, True
         return goal
 
     def _end(self, outcome: str, text: str, now_s: float) -> None:

@@ -105,6 +105,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         Cause.BRIDGE_ENDED: Reaction.LEAVE,
     }
     outcomes = {Cause.CONTROL_ENDED: "cancelled"}
+    answered_within_s = 5.0  # nothing moves if a robot whose computer is busy begins late
     no_task = Refusal("no_speech", "The robot speaks no text of this console.", "robot")
 
     def __init__(self, context: Context) -> None:
@@ -207,7 +208,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         """Note that the robot began a word: `said` ends with it."""
         goal = self._current
         if goal is not None and goal.id == goal_id:
-            goal.heard_s = now_s
+            goal.heard_s, goal.reported = now_s, True
             saying = goal.what
             saying.word = find_spoken_word(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 

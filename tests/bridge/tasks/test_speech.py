@@ -267,9 +267,16 @@ def test_event_before_the_record_prevents_speech(bench, spoil):
     assert bench.sink.kinds == ["speech.start", "speech.end"]
 
 
-def test_a_text_never_reported_by_the_robot_is_given_up(bench):
-    goal_id = begun(bench)
-    bench.pass_time(2.2)
+@pytest.mark.parametrize(("reported", "given_up_s"), [(True, 2.0), (False, 5.0)])
+def test_a_text_that_the_robot_does_not_report_is_given_up(bench, reported, given_up_s):
+    ask(bench)
+    settled(bench)
+    [(goal_id, _)] = bench.base.said
+    if reported:
+        report_status(bench, {goal_id: "speaking"})
+    bench.pass_time(given_up_s - 0.2)
+    assert shown(bench) is not None
+    bench.pass_time(0.4)
     bench.recorded()
     assert bench.base.cancelled_goals == [goal_id]
     assert bench.sink.records[-1][1].outcome == "unheard"
