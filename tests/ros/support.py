@@ -148,6 +148,12 @@ class Inbox(Messages):
         self._subscriber.unregister()
 
 
+def is_at(pose: Any, x: float, y: float, heading: float) -> bool:
+    """Return whether a pose, as messages of either ROS have it, is this one."""
+    turned = math.remainder(2.0 * math.atan2(pose.orientation.z, pose.orientation.w) - heading, math.tau)
+    return math.dist((pose.position.x, pose.position.y), (x, y)) < 0.01 and abs(turned) < 0.01
+
+
 class RosClient:
     """The only ROS node of this process. The `ros` fixture makes it once."""
 
@@ -188,12 +194,7 @@ class RosClient:
             self.speak("/ground_truth/teleport", Pose2D) as teleport,
         ):
             teleport.publish(pose)
-            truth.until(
-                lambda message: (
-                    math.hypot(message.pose.pose.position.x - pose.x, message.pose.pose.position.y - pose.y)
-                    < 0.01
-                )
-            )
+            truth.until(lambda message: is_at(message.pose.pose, pose.x, pose.y, pose.theta))
             yield
 
     def connected(self, *inboxes: Inbox) -> None:

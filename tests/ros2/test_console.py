@@ -16,6 +16,8 @@ from tests.script.support import token
 from tests.script.viewer import viewer
 
 pytestmark = needs_rclpy
+ABORTED = 6
+TRIES = 5
 ROBOT = next(robot for robot in MIXED_ROBOTS if robot.ros == 2)
 
 
@@ -66,16 +68,30 @@ async def test_a_program_sends_goals_in_both_styles(stack: Stack) -> None:
         def heard(**fields: object) -> list[dict[str, Any]]:
             return [message for message in client.messages if fields.items() <= message.items()]
 
+        async def send(motion: str, id: str) -> None:
+            kinds = {"action": "/play_motion2", "action_type": "play_motion2_msgs/action/PlayMotion2"}
+            goal = {"op": "send_action_goal", **kinds, "id": id, "args": {"motion_name": motion}}
+            await client.send(goal)
+
+        async def performed(motion: str) -> dict[str, Any]:
+            """Return the result. On a busy computer points and scans are late, which ends a motion: ask again."""
+            for attempt in range(TRIES):
+                id = f"{motion} {attempt}"
+                await send(motion, id)
+                await client.until(lambda id=id: heard(op="action_result", id=id))
+                [result] = heard(op="action_result", id=id)
+                if result["status"] != ABORTED:
+                    break
+            return result
+
         await client.call("/fleet/take_control")
-        kinds = {"action": "/play_motion2", "action_type": "play_motion2_msgs/action/PlayMotion2"}
-        goal = {**kinds, "op": "send_action_goal", "args": {"motion_name": "open"}}
-        await client.send({**goal, "id": "opens"})
-        await client.until(lambda: heard(op="action_result", id="opens"))
-        [result] = heard(op="action_result", id="opens")
+        result = await performed("open")
         assert (result["status"], result["values"]) == (4, {"success": True, "error": ""})
-        await client.send({**goal, "id": "waves", "args": {"motion_name": "wave"}})
+        await send("wave", "waves")
         await client.send({"op": "cancel_action_goal", "action": "/play_motion2", "id": "waves"})
         await client.until(lambda: heard(op="action_result", id="waves", status=5))
+        result = await performed("home")  # the next test may drive, and an arm elsewhere would slow it
+        assert result["status"] == 4, result
         for part in ("feedback", "result"):
             await client.send({"op": "subscribe", "topic": f"/tts_engine/tts/{part}"})
         said = {"goal_id": {"id": "hello"}, "goal": {"input": "hello lab", "locale": "en_GB"}}

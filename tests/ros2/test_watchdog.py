@@ -37,9 +37,8 @@ def test_a_stop_is_confirmed_when_the_robot_gets_it_not_the_tap(domain: int, con
     watchdog = Side("robots.bridge.watchdog", domain, msgspec.json.encode(config).decode())
     try:
         tap.say(json.dumps({"listen": "/key_vel", "kind": "geometry_msgs/Twist"}))
-        until(Path(config.lane).exists, "the watchdog listens")
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
-            lane.connect(config.lane)
+            until(lambda: lane.connect_ex(config.lane) == 0, "the watchdog listens")
             lane.send(wire.encode(wire.LinkStop("ann", press=uuid.uuid4())))
             for _ in range(3):
                 tap.await_line("/key_vel")

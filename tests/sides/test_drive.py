@@ -72,6 +72,7 @@ def test_a_closed_link_stops_the_robot(odometry, twists, hand):
 def test_a_bridge_without_supervisor_stops_the_robot_and_ends(odometry, twists, hand, bridge):
     hand.stick(0.0, 0.5)
     odometry.until(moving)
+    twists.next()  # the visitor hears the bridge by now, too
     assert bridge.cut_life_line() == 0
     until(lambda: not twists.publishers, "the end of its connection")
     *_, last = twists.drain()

@@ -13,6 +13,7 @@ from robots.shared import wire
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge
 from tests.ros.performing import ask, asked, end_of, numbers, perform, play
+from tests.ros.support import is_at
 
 IN_THE_OPEN = (3.8, 2.2, 0.0)
 BEFORE_WALL = (7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
@@ -53,11 +54,7 @@ def at(visitor, robot):
             visitor.speak("/ground_truth/teleport", "geometry_msgs/Pose2D") as teleport,
         ):
             teleport.publish(x=x, y=y, theta=theta)
-            truth.until(
-                lambda message: (
-                    math.dist((message.pose.pose.position.x, message.pose.pose.position.y), (x, y)) < 0.01
-                )
-            )
+            truth.until(lambda message: is_at(message.pose.pose, x, y, theta))
 
     return place
 

@@ -27,9 +27,12 @@ def robot(ros, simulator):
 
 
 @pytest.fixture
-def bridge(rosmaster, robot, tmp_path):
-    """A bridge, and the holder of control: a program without a stick."""
-    with running_bridge(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path) as (process, hand):
+def bridge(ros, rosmaster, robot, tmp_path):
+    """A bridge, and the holder of control: a program without a stick. It has seen no other place than the start."""
+    with (
+        ros.at(START),
+        running_bridge(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path) as (process, hand),
+    ):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()
@@ -83,7 +86,7 @@ def is_zero(twist: Twist) -> bool:
 
 def test_a_metre_a_quarter_turn_and_up_to_a_wall(ros, bridge):
     process, hand = bridge
-    with ros.at(START), ros.listen(TRUTH, Odometry) as truth:
+    with ros.listen(TRUTH, Odometry) as truth:
         x, y, _ = place(truth)
         end = ended(hand, begun(hand, distance_m=1.0))
         assert end.outcome == "done"
