@@ -19,15 +19,17 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import IO
 from unittest.mock import patch
 
+from robots.shared.configuration.robot_ros import Ros, Ros2
 from robots.shared.ros2.environment import MESSAGES, WHEELS, ros_environment
 from robots.shared.ros2.importing import make_importable
-from tests.processes import REPOSITORY
+from tests.processes import PATIENCE_S, REPOSITORY
 
 SIGNAL_OF_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
 _context = multiprocessing.get_context("forkserver")
@@ -72,21 +74,40 @@ ROS2 = Forks(
 )
 
 
+def forks_of(ros: Ros) -> Forks:
+    return ROS2 if isinstance(ros, Ros2) else ROS1
+
+
 class ForkedProgram:
     """A process that runs `program`, like `subprocess.Popen`: a module, or the path of a file.
 
-    `stdin` is the writing end of its standard input. Its output is appended to the file `log`. Its environment is
-    that of the tests, with changes.
+    `stdin` is the writing end of its standard input. What it prints is appended to the file `log`, without a log to
+    what the tests print; if it `talks`, its output comes out of `stdout`. Its environment is that of the tests, with
+    changes.
     """
 
     def __init__(
-        self, program: str, *arguments: str, log: Path, environment: Mapping[str, str], forks: Forks = ROS1
+        self,
+        program: str,
+        *arguments: str,
+        log: Path | None = None,
+        environment: Mapping[str, str],
+        forks: Forks = ROS1,
+        talks: bool = False,
     ) -> None:
         self.args = [program, *arguments]
-        log.touch()
-        reading, self.stdin = _context.Pipe(duplex=False)
-        with reading:
-            task = (self.args, str(log), dict(environment), reading)
+        if log is not None:
+            log.touch()
+        with ExitStack() as theirs:
+            stdin, ours = _context.Pipe(duplex=False)
+            theirs.enter_context(stdin)
+            self.stdin = _file(ours, "wb")
+            stdout = None
+            if talks:
+                ours, stdout = _context.Pipe(duplex=False)
+                theirs.enter_context(stdout)
+                self.stdout = _file(ours, "rb")
+            task = (self.args, log, dict(environment), stdin, stdout)
             self._process = _context.Process(target=_run, args=task, daemon=True)
             forks.start(self._process)
         assert self._process.pid is not None
@@ -98,12 +119,15 @@ class ForkedProgram:
 
     def poll(self) -> int | None:
         """Return the exit code; None while the process runs."""
+        if self.returncode is not None:
+            with suppress(BrokenPipeError):
+                self.stdin.close()
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for the end and return the exit code; raise `subprocess.TimeoutExpired`."""
         self._process.join(timeout)
-        if (code := self.returncode) is None:
+        if (code := self.poll()) is None:
             raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
         return code
 
@@ -120,6 +144,17 @@ class ForkedProgram:
         self.send_signal(signal.SIGKILL)
 
 
+def answer_of(program: str, question: bytes, environment: Mapping[str, str], forks: Forks) -> bytes:
+    """Run a program that reads a question to its end, prints the answer and ends well; return the answer."""
+    process = ForkedProgram(program, environment=environment, forks=forks, talks=True)
+    with process.stdout, process.stdin:
+        process.stdin.write(question)
+        process.stdin.close()
+        answer = process.stdout.read()
+    assert process.wait(PATIENCE_S) == 0
+    return answer
+
+
 def end_forks() -> None:
     """End all forks and the processes that make them. Then their computing time counts as this process's."""
     for left in multiprocessing.active_children():
@@ -129,7 +164,19 @@ def end_forks() -> None:
         forks.stop()
 
 
-def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connection) -> None:
+def _file(end: Connection, mode: str) -> IO[bytes]:
+    """Return an end of a pipe as a file."""
+    with end:
+        return os.fdopen(os.dup(end.fileno()), mode)
+
+
+def _run(
+    args: list[str],
+    log: Path | None,
+    environment: dict[str, str],
+    stdin: Connection,
+    stdout: Connection | None,
+) -> None:
     """Become the program; this runs in the fork."""
     # The end of the tests ends the process that makes forks, which ends its forks. So none may hold its life line.
     ctypes.CDLL(None).prctl(SIGNAL_OF_PARENTS_DEATH, signal.SIGKILL)
@@ -137,11 +184,14 @@ def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connecti
     os.chdir(REPOSITORY)
     os.environ.update(environment)
     make_importable()  # the library has set Python's path to that of the tests
-    with open(log, "ab") as output:
-        os.dup2(output.fileno(), 1)
-        os.dup2(output.fileno(), 2)
-    os.dup2(stdin.fileno(), 0)
-    stdin.close()
+    if log is not None:
+        with log.open("ab") as output:
+            os.dup2(output.fileno(), 1)
+            os.dup2(output.fileno(), 2)
+    for given, number in ((stdin, 0), (stdout, 1)):
+        if given is not None:
+            os.dup2(given.fileno(), number)
+            given.close()
     sys.stdin, sys.argv = os.fdopen(0), args
     try:
         if os.sep in args[0]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import queue
-import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -17,7 +16,8 @@ from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.robot_ros import side_command
-from tests.processes import PATIENCE_S, REPOSITORY, end
+from tests.forked import ForkedProgram, forks_of
+from tests.processes import PATIENCE_S, end
 
 _report = msgspec.json.Decoder(InspectorReport)
 _answer = msgspec.json.Decoder(wire.DoorAnswer)
@@ -28,13 +28,8 @@ class InspectorProcess:
     """One inspector, with this object as its bridge. The object sends signs of life, unless `silent`."""
 
     def __init__(self, config: BridgeConfig, environment: dict[str, str], silent: bool = False) -> None:
-        self.process = subprocess.Popen(
-            side_command(config.ros, "inspector"),
-            cwd=REPOSITORY,
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
+        program = side_command(config.ros, "inspector")[-1]
+        self.process = ForkedProgram(program, environment=environment, forks=forks_of(config.ros), talks=True)
         self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._shown: dict[str, queue.SimpleQueue[wire.Sample]] = {}
         self._number = 0
@@ -89,7 +84,6 @@ class InspectorProcess:
                 self.send(KeepAlive())
 
     def stop(self) -> int:
-        assert self.process.stdin is not None and self.process.stdout is not None
         self._ended.set()
         with self._writing, suppress(BrokenPipeError):  # the process may have ended before
             self.process.stdin.close()
@@ -99,7 +93,6 @@ class InspectorProcess:
             end(self.process)
 
     def _write(self, line: bytes) -> None:
-        assert self.process.stdin is not None
         self.process.stdin.write(line + b"\n")
         self.process.stdin.flush()
 
@@ -109,7 +102,6 @@ class InspectorProcess:
         return report
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
         for line in self.process.stdout:
             report = _report.decode(line)
             if isinstance(report, wire.LinkSample):

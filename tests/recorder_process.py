@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import threading
 import time
 from collections import defaultdict
@@ -31,7 +30,8 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, RecordingPlace
 from robots.shared.configuration.robot_ros import side_command
 from robots.shared.records.record_sink import TakenRecording
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.forked import ForkedProgram, forks_of
+from tests.processes import PATIENCE_S, until
 
 
 class RecorderProcess:
@@ -41,13 +41,8 @@ class RecorderProcess:
         self.directory = folder / "recordings"
         self.config = replace(config, recordings=RecordingPlace(str(self.directory), 10**9, 0, "1.0"))
         self.reports: list[Any] = []
-        self.process = subprocess.Popen(
-            side_command(config.ros, "recorder"),
-            cwd=REPOSITORY,
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
+        program = side_command(config.ros, "recorder")[-1]
+        self.process = ForkedProgram(program, environment=environment, forks=forks_of(config.ros), talks=True)
         self._write(msgspec.json.encode(self.config))
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -86,25 +81,21 @@ class RecorderProcess:
         self._close()
 
     def stop(self) -> None:
-        assert self.process.stdin
         self.process.stdin.close()
         assert self.process.wait(PATIENCE_S) == 0
         self._close()
 
     def _close(self) -> None:
         self._reader.join(PATIENCE_S)
-        assert self.process.stdin and self.process.stdout
         self.process.stdin.close()
         self.process.stdout.close()
 
     def _write(self, line: bytes) -> None:
-        assert self.process.stdin
         self.process.stdin.write(line + b"\n")
         self.process.stdin.flush()
 
     def _read(self) -> None:
         decoder = msgspec.json.Decoder(RecorderReport)
-        assert self.process.stdout
         for line in self.process.stdout:
             self.reports.append(decoder.decode(line))
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import threading
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO
 
 import msgspec
 from websockets.exceptions import ConnectionClosed
@@ -16,7 +14,8 @@ from websockets.sync.client import unix_connect
 from robots.bridge.served.client import Served
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
-from tests.processes import PATIENCE_S, REPOSITORY
+from tests.forked import ForkedProgram, forks_of
+from tests.processes import PATIENCE_S
 
 
 class ServedProcess:
@@ -27,19 +26,12 @@ class ServedProcess:
         served: Served,
         config: BridgeConfig,
         environment: dict[str, str],
-        stderr: IO[str] | None = None,
+        errors: Path | None = None,
     ) -> None:
         self._sockets = Path(config.link.unix_path).parent
         self._sockets.mkdir()
-        self.process = subprocess.Popen(
-            served.command(config.ros),
-            cwd=REPOSITORY,
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-        )
-        assert self.process.stdin and self.process.stdout
+        program, forks = served.command(config.ros)[-1], forks_of(config.ros)
+        self.process = ForkedProgram(program, log=errors, environment=environment, forks=forks, talks=True)
         self.process.stdin.write(msgspec.json.encode(config) + b"\n")
         self.process.stdin.flush()
         self.at = msgspec.json.decode(self.process.stdout.readline(), type=wire.ProcessAt)
@@ -58,7 +50,6 @@ class ServedProcess:
 
     def stop(self, status: int = 0) -> None:
         self._closing.close()
-        assert self.process.stdin and self.process.stdout
         self.process.stdin.close()  # the same happens when the bridge dies
         assert self.process.wait(PATIENCE_S) == status
         self.process.stdout.close()

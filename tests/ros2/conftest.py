@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from script.stack.processes import ReservedDomain
+from tests.forked import end_forks
 
 
 @contextmanager
@@ -15,6 +16,12 @@ def free_domain() -> Iterator[int]:
     """A domain that no other test uses."""
     with closing(ReservedDomain()) as reserved:
         yield reserved.number
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forks() -> Iterator[None]:
+    yield
+    end_forks()
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import pytest
 
 from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
+from tests.forked import ROS2, ForkedProgram
 from tests.processes import REPOSITORY
 
 PATIENCE_S = 20.0
@@ -32,23 +34,26 @@ class Side:
         within: Sequence[str] = (),
     ) -> None:
         """`environment`: another search than on this computer; `within`: a command that starts it."""
-        given = environment or domain_environment(domain)
-        self.process = subprocess.Popen(
-            [*within, sys.executable, "-m", module, *(arguments or [str(domain)])],
-            cwd=REPOSITORY,
-            env=os.environ | ros_environment([MESSAGES, WHEELS]) | dict(given),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
+        given = dict(environment or domain_environment(domain))
+        words = [module, *(arguments or [str(domain)])]
+        self.process: Any = (
+            subprocess.Popen(
+                [*within, sys.executable, "-m", *words],
+                cwd=REPOSITORY,
+                env=os.environ | ros_environment([MESSAGES, WHEELS]) | given,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
+            if within
+            else ForkedProgram(*words, environment=given, forks=ROS2, talks=True)
         )
         self._lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
         for line in self.process.stdout:
-            self._lines.put(line.strip())
+            self._lines.put(line.decode().strip())
         self._lines.put("ended")
 
     def await_line(self, begin: str, which: Callable[[list[str]], bool] = lambda words: True) -> list[str]:
@@ -67,13 +72,11 @@ class Side:
             self._lines.get()
 
     def say(self, line: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(f"{line}\n")
+        self.process.stdin.write(f"{line}\n".encode())
         self.process.stdin.flush()
 
     def close(self, *, kill: bool = False) -> None:
         """End the process, by itself or at once."""
-        assert self.process.stdin is not None and self.process.stdout is not None
         self.process.stdin.close()
         if kill:
             self.process.kill()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 from collections.abc import Iterator
 
 import msgspec
@@ -11,10 +9,11 @@ import pytest
 
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.configuration.robot_ros import Ros2, side_command
+from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.records.record_sink import TakenMap
-from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from robots.shared.ros2.environment import domain_environment
+from tests.forked import ROS2, answer_of
+from tests.processes import until
 from tests.ros2.side import Side, needs_rclpy
 
 pytestmark = needs_rclpy
@@ -35,21 +34,10 @@ def robot(domain: int) -> Iterator[Side]:
     side.close()
 
 
-def environment(domain: int) -> dict[str, str]:
-    return os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
-
-
 def fetched(domain: int, topic: Topic) -> TakenMap | NoMap:
-    done = subprocess.run(
-        side_command(Ros2(), "sensors.map"),
-        input=msgspec.json.encode(MapWanted(Ros2(domain, "localhost"), topic)),
-        env=environment(domain),
-        cwd=REPOSITORY,
-        stdout=subprocess.PIPE,
-        check=True,
-        timeout=PATIENCE_S,
-    )
-    return msgspec.msgpack.decode(done.stdout, type=TakenMap | NoMap)
+    wanted = msgspec.json.encode(MapWanted(Ros2(domain, "localhost"), topic))
+    answer = answer_of("robots.bridge.ros2.sensors.map", wanted, domain_environment(domain), ROS2)
+    return msgspec.msgpack.decode(answer, type=TakenMap | NoMap)
 
 
 def published(domain: int) -> TakenMap | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,7 +18,8 @@ from robots.shared.configuration.bridge_config import CameraSource, LinkAddress,
 from robots.shared.configuration.robot_ros import side_command
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.records.record_sink import TakenMap
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.forked import ForkedProgram, answer_of, forks_of
+from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import running_bridge
 from tests.sides.side import Side
 from tests.sides.visitor import Visitor
@@ -53,16 +53,13 @@ def test_a_bridge_takes_the_map_when_control_is_taken(
     ("name", "said"), [("/nobody", "nobody publishes /nobody"), ("/scan_raw", "sensor_msgs")]
 )
 def test_a_missing_map_is_explained(side: Side, robot: Any, name: str, said: str) -> None:
-    done = subprocess.run(
-        side_command(side.ros, "sensors.map"),
-        input=msgspec.json.encode(MapWanted(side.ros, Topic(name, side.type(GRID)))),
-        env=side.environment(),
-        cwd=REPOSITORY,
-        stdout=subprocess.PIPE,
-        check=True,
-        timeout=PATIENCE_S,
+    answer = answer_of(
+        side_command(side.ros, "sensors.map")[-1],
+        msgspec.json.encode(MapWanted(side.ros, Topic(name, side.type(GRID)))),
+        side.environment(),
+        forks_of(side.ros),
     )
-    found = msgspec.msgpack.decode(done.stdout, type=TakenMap | NoMap)
+    found = msgspec.msgpack.decode(answer, type=TakenMap | NoMap)
     assert isinstance(found, NoMap) and said in found.why
 
 
@@ -76,14 +73,9 @@ def test_pictures_come_with_lens_and_place(side: Side, robot: Any, tmp_path: Pat
     config = side.config(
         tmp_path, topics={"cameras": cameras}, link=LinkAddress(unix_path=str(tmp_path / "b.sock"))
     )
-    with subprocess.Popen(
-        CAMERA.command(side.ros),
-        cwd=REPOSITORY,
-        env=side.environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    ) as process:
-        assert process.stdin and process.stdout
+    program, environment = CAMERA.command(side.ros)[-1], side.environment()
+    process = ForkedProgram(program, environment=environment, forks=forks_of(side.ros), talks=True)
+    with process.stdout, process.stdin:
         process.stdin.write(msgspec.json.encode(config) + b"\n")
         process.stdin.flush()
         at = msgspec.json.decode(process.stdout.readline(), type=wire.ProcessAt)

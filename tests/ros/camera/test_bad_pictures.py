@@ -7,7 +7,7 @@ import resource
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import av
 import msgspec
@@ -47,12 +47,12 @@ PIXELS = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8
 class CameraProcess(ServedProcess):
     """One camera process, and a web process's connection to it."""
 
-    def __init__(self, master: Master, folder: Path, stderr: IO[str] | None = None) -> None:
+    def __init__(self, master: Master, folder: Path, errors: Path | None = None) -> None:
         self.pictures: deque[tuple[wire.TakenPicture, bytes]] = deque(maxlen=50)
         self.states: dict[str, wire.Refusal | None] = {}
         self.warnings: dict[str, wire.Refusal | None] = {}
         config = tiago_config(master, folder, topics={"cameras": CAMERAS})
-        super().__init__(CAMERA, config, master.environment(), stderr)
+        super().__init__(CAMERA, config, master.environment(), errors)
 
     def want(self, **cameras: str) -> None:
         """Ask for these variants of cameras: ``head="full"``."""
@@ -317,15 +317,14 @@ def test_words_say_why_nothing_is_drawn_into_pictures(camera, publish, ros):
 
 
 def test_a_process_without_memory_ends_in_words(rosmaster, ros, publish, tmp_path):
-    with (tmp_path / "words").open("w+") as words:
-        hungry = CameraProcess(rosmaster, tmp_path, words)
-        hungry.want(raw="full")
-        comes(hungry, publish, "raw", raw())
-        used = psutil.Process(hungry.process.pid).memory_info().data
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.prlimit(hungry.process.pid, resource.RLIMIT_DATA, (used + LITTLE_BYTES, hard))
-        large = Image(width=2300, height=2300, encoding="rgb8", step=6900, data=bytes(6900 * 2300))
-        publish(RAW, large, lambda: hungry.process.poll() is not None, "its end")
-        hungry.stop(status=1)
-        words.seek(0)
-        assert "the process ends" in words.read()
+    words = tmp_path / "words"
+    hungry = CameraProcess(rosmaster, tmp_path, words)
+    hungry.want(raw="full")
+    comes(hungry, publish, "raw", raw())
+    used = psutil.Process(hungry.process.pid).memory_info().data
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.prlimit(hungry.process.pid, resource.RLIMIT_DATA, (used + LITTLE_BYTES, hard))
+    large = Image(width=2300, height=2300, encoding="rgb8", step=6900, data=bytes(6900 * 2300))
+    publish(RAW, large, lambda: hungry.process.poll() is not None, "its end")
+    hungry.stop(status=1)
+    assert "the process ends" in words.read_text()

@@ -1,8 +1,5 @@
 """Attacks of a domain's strangers on parts of the console: their servers, types, QoS, floods."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -12,10 +9,10 @@ import pytest
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2
-from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
-from tests.processes import REPOSITORY
+from robots.shared.ros2.environment import domain_environment
+from tests.forked import ROS2, answer_of
 from tests.ros2.conftest import free_domain
-from tests.ros2.side import PATIENCE_S, Side, needs_rclpy
+from tests.ros2.side import Side, needs_rclpy
 
 pytestmark = needs_rclpy
 GROWN_MB = 100
@@ -116,15 +113,7 @@ def test_a_flood_of_large_messages_does_not_fill_a_slow_reader(domain: int) -> N
 @pytest.mark.parametrize("side", [4200, 10_000], ids=["18 MB", "100 MB"])
 def test_a_map_that_is_too_large_is_named(domain: int, side: int) -> None:
     wanted = MapWanted(Ros2(domain, "localhost"), Topic("/map", "nav_msgs/msg/OccupancyGrid"))
-    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
     with stranger(domain, "huge_map", str(side)):
-        found = subprocess.run(
-            [sys.executable, "-m", "robots.bridge.ros2.sensors.map"],
-            cwd=REPOSITORY,
-            env=environment,
-            input=msgspec.json.encode(wanted),
-            stdout=subprocess.PIPE,
-            timeout=PATIENCE_S,
-            check=True,
-        )
-    assert msgspec.msgpack.decode(found.stdout, type=NoMap).why == f"/huge_map: it has {side} x {side} cells"
+        question, environment = msgspec.json.encode(wanted), domain_environment(domain)
+        answer = answer_of("robots.bridge.ros2.sensors.map", question, environment, ROS2)
+    assert msgspec.msgpack.decode(answer, type=NoMap).why == f"/huge_map: it has {side} x {side} cells"
