@@ -17,6 +17,7 @@ from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Browser, expect, sync_playwright
+from xdist.scheduler import LoadFileScheduling
 
 from script.stack.stack import PracticeRobot, Stack
 from tests.browser.people import Person, PutBack, putting_back, running_stack
@@ -42,8 +43,19 @@ ROBOTS = (
 )
 AT_THE_WALL = (8.3, 2.0, 0.0)  # the hall's east wall is 1.3 m ahead
 ONLINE_S = 60.0  # time limit on a busy computer; usually it takes 5 s
+WITHOUT_CONSOLE = "tests/browser/moments/"  # pages that Django answers in the test's process
 
-# Puts a robot to its start, or to this pose (m, degrees).
+
+class ByConsole(LoadFileScheduling):
+    """Runs all tests that share the console in one process, and those without one beside them."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return WITHOUT_CONSOLE if nodeid.startswith(WITHOUT_CONSOLE) else "console"
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByConsole:
+    """Distribute the tests; this replaces `--dist`."""
+    return ByConsole(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
