@@ -92,7 +92,37 @@ def manage(stack: Stack, *words: str) -> str:
     return done.stdout.strip()
 
 
+_MAKE_TOKENS = """import sys
+from django.core.management import call_command
+from django.db import connections
+for line in sys.stdin:
+    call_command("make_token", *line.split())
+    connections.close_all()
+"""
+
+
 @cache
 def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
-    """Return a token of one of the stack's people. It is cached, because the command takes a second."""
-    return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)
+    """Return a token of one of the stack's people; the same one each time, as a person may have few."""
+    maker = _token_maker(stack)
+    assert maker.stdin and maker.stdout
+    print(stack.accounts[role].username, name, *scopes, file=maker.stdin, flush=True)
+    text = maker.stdout.readline().strip()
+    assert text, "make_token failed"
+    return text
+
+
+@cache
+def _token_maker(stack: Stack) -> subprocess.Popen[str]:
+    """Start a process that makes all tokens of a stack: each start of `manage.py` takes a second of computing.
+
+    It ends with this process.
+    """
+    return subprocess.Popen(
+        [sys.executable, "manage.py", "shell", "--no-imports", "-c", _MAKE_TOKENS],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )

@@ -11,7 +11,7 @@ from msgspec import inspect
 
 from robots.shared import wire
 
-TEXT = "\x01" * 5000  # six bytes each in JSON
+TEXT = "\x01" * 1500  # six bytes each in JSON
 ENTRIES = 150
 
 
@@ -43,7 +43,7 @@ def largest(kind: inspect.Type) -> Any:
         case inspect.StructType(cls=cls, fields=fields):
             return cls(**{field.name: largest(field.type) for field in fields})
         case inspect.UnionType(types=kinds):
-            return max((largest(one) for one in kinds), key=lambda value: len(str(value)))
+            return max((largest(one) for one in kinds), key=lambda value: len(msgspec.json.encode(value)))
         case inspect.UUIDType():
             return UUID(int=2**128 - 1)
         case inspect.NoneType():

@@ -14,8 +14,10 @@ from robots.shared.geometry.poses import STILL, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 
 
-def recorded(path):
-    """A trace of 2 s in which obstacles come closer on all sides."""
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory):
+    """The file of a trace of 2 s in which obstacles come closer on all sides."""
+    path = tmp_path_factory.mktemp("trace") / "wall.gate"
     feeder, sent = Feeder(tiago_profile()), STILL
     with Recorder(path, feeder.gate.profile) as recorder:
         feeder.gate = recorder.recorded(feeder.gate)
@@ -34,19 +36,18 @@ def replayed(*arguments):
     return out.getvalue()
 
 
-def test_a_trace_replays_the_same_verdicts_and_changes(tmp_path):
-    printed = replayed(str(recorded(tmp_path / "wall.gate")))
+def test_a_trace_replays_the_same_verdicts_and_changes(wall):
+    printed = replayed(str(wall))
     assert "40 decisions, 0 other than recorded" in printed
     assert "mover" in printed and "laser" in printed
 
 
-def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):
-    file = recorded(tmp_path / "wall.gate")
+def test_a_gate_that_answers_otherwise_fails_and_shows_both(wall, monkeypatch, capsys):
     monkeypatch.setattr(
         "robots.bridge.gate.motion.safe_twist.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2])
     )
     with pytest.raises(SystemExit, match="1"):
-        call_command("replay_gate", str(file))
+        call_command("replay_gate", str(wall))
     assert "recorded: " in capsys.readouterr().out
 
 
