@@ -100,7 +100,7 @@ async def test_a_program_sends_goals_in_both_styles(stack: Stack) -> None:
         words = [message["msg"]["feedback"]["word"] for message in heard(topic="/tts_engine/tts/feedback")]
         [end] = [message["msg"] for message in heard(topic="/tts_engine/tts/result")]
         assert words == ["hello", "lab"]
-        assert (end["status"]["goal_id"]["id"], end["status"]["status"]) == ("hello", 3)
+        assert (end["status"]["goal_id"]["id"], end["status"]["status"]) == ("hello", 3), end
 
 
 async def test_its_camera_is_shown_with_lens_and_place(stack: Stack) -> None:
