@@ -92,11 +92,16 @@ class Server:
             self._executor.spin_once(0.1)
 
     def _accept(self, request: Any, answer: Any) -> Any:
-        running = GoalStatus(status=EXECUTING)
-        running.goal_info.goal_id = request.goal_id
-        self._status.publish(GoalStatusArray(status_list=[running]))
+        self._goal = request.goal_id
+        self.says(EXECUTING)
         answer.accepted = True
         return answer
+
+    def says(self, status: int) -> None:
+        """Tell the status of the last goal."""
+        said = GoalStatus(status=status)
+        said.goal_info.goal_id = self._goal
+        self._status.publish(GoalStatusArray(status_list=[said]))
 
     async def _answer(self, _request: Any, answer: Any) -> Any:
         if not self._times:
@@ -144,6 +149,15 @@ def actions(participant: Participant) -> None:
         until(lambda goal=goal: (goal, "succeeded") in seen.ends, goal)
     tell("ended", *(goal for goal, _ in seen.ends))
     another.die()
+    until(lambda: not ends.heard, "that nobody serves")
+    lost = Server(0)
+    until(lambda: ends.heard, "a server whose results are lost")
+    ends.send("fourth", ends.goal_class(motion_name="wave"))
+    until(lambda: seen.goals == {"fourth": EXECUTING}, "a goal that runs")
+    lost.says(SUCCEEDED)
+    until(lambda: ("fourth", "succeeded") in seen.ends, "its end by its status")
+    tell("ended", *(goal for goal, _ in seen.ends))
+    lost.die()
 
 
 # --- types and QoS --------------------------------------------------------------------------------

@@ -51,13 +51,15 @@ class LimbReports:
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded.
 
-        A rejected goal may have no result (None).
+        A rejected goal may have no result (None), nor one whose result is lost.
         """
         said = text
-        if self._source.is_command:
+        if result is None:
+            pass
+        elif self._source.is_command:
             if outcome in {"succeeded", "failed"} and result.stalled and not result.reached_goal:
                 outcome = "stalled"
-        elif result is not None:
+        else:
             said = text or cut(result.error_string, SENTENCE)
         self._mail.post(
             (self._source.action, "ended"),

@@ -6,6 +6,7 @@ rclpy's own client loses an answer that comes while a goal is still being sent o
 from __future__ import annotations
 
 import os
+import time
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from robots.shared.wire import GOAL_MARK
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5  # action_msgs/msg/GoalStatus
 OUTCOMES = {SUCCEEDED: "succeeded", CANCELED: "cancelled"}  # others: "failed"
 ID_BYTES = 16
+RESULT_S = 3.0  # a goal that its server says is over ends then, if its result is late or lost
 REPEAT_S = 0.5  # servers tell a status once, when it changes; who waits for a goal counts on word of it
 
 
@@ -81,6 +83,9 @@ class ActionEnds:
         self._results = node.create_client(kind.Impl.GetResultService, f"{action.name}/_action/get_result")
         self._cancels = cancel_client(node, action.name)
         self._sent: OrderedDict[bytes, str] = OrderedDict()  # our ids of goals, by those on the wire
+        self._open: set[str] = set()  # our goals without a result so far
+        # Those that a server says are over, with status and time of its word.
+        self._over: dict[str, tuple[int, float]] = {}
         self._status = f"{action.name}/_action/status"
         # Goals that run, by who said so last: what a server that has gone said holds no more.
         self._said: OrderedDict[bytes, dict[str, int]] = OrderedDict()
@@ -96,8 +101,9 @@ class ActionEnds:
         """Send a goal with this id of ours."""
         wired = GOAL_MARK + os.urandom(ID_BYTES - len(GOAL_MARK))
         self._sent[wired] = goal_id
+        self._open.add(goal_id)
         while len(self._sent) > MOST_GOALS:
-            self._sent.popitem(last=False)
+            self._open.discard(self._sent.popitem(last=False)[1])
         request = self._goals.srv_type.Request(goal=goal)
         request.goal_id.uuid = np.frombuffer(wired, np.uint8)
         self._goals.call_async(request).add_done_callback(guarded(partial(self._answered, goal_id, wired)))
@@ -132,7 +138,7 @@ class ActionEnds:
     def _answered(self, goal_id: str, wired: bytes, answer: Any) -> None:
         """Wait for the result of an accepted goal."""
         if not answer.result().accepted:
-            self._listener.ended(goal_id, "rejected", "", None)
+            self._end(goal_id, "rejected", None)
             return
         request = self._results.srv_type.Request()
         request.goal_id.uuid = np.frombuffer(wired, np.uint8)
@@ -140,13 +146,24 @@ class ActionEnds:
 
     def _ended(self, goal_id: str, answer: Any) -> None:
         found = answer.result()
+        self._end(goal_id, OUTCOMES.get(found.status, "failed"), found.result)
+
+    def _end(self, goal_id: str, outcome: str, result: Any) -> None:
+        self._over.pop(goal_id, None)
         for goals in self._said.values():
             goals.pop(goal_id, None)
-        self._listener.ended(goal_id, OUTCOMES.get(found.status, "failed"), "", found.result)
+        if goal_id in self._open:
+            self._open.remove(goal_id)
+            self._listener.ended(goal_id, outcome, "", result)
 
     def _on_status(self, raw: bytes, info: Any) -> None:
         gid = info.get("publisher_gid")  # None before Iron
-        goals = {self._named(wired): status for wired, status in statuses(raw) if status <= CANCELING}
+        goals = {}
+        for wired, status in statuses(raw):
+            if status <= CANCELING:
+                goals[self._named(wired)] = status
+            elif (ours := self._sent.get(wired, "")) in self._open:
+                self._over.setdefault(ours, (status, time.monotonic()))
         self._said[bytes(gid["data"]) if gid else b""] = most_of(goals, OURS)
         while len(self._said) > MOST_NODES:
             self._said.popitem(last=False)
@@ -154,6 +171,7 @@ class ActionEnds:
 
     def _tell(self) -> None:
         running = {goal: status for goals in self._said.values() for goal, status in goals.items()}
+        running |= dict.fromkeys(self._over, EXECUTING)  # until the result comes
         self._listener.running(self.name, most_of(running, OURS))
 
     def _on_feedback(self, raw: bytes, _info: Any) -> None:
@@ -168,6 +186,9 @@ class ActionEnds:
             self._on_joined()
         self._was_there = is_there
         self._forget_gone(is_there)
+        for goal_id, (status, since_s) in list(self._over.items()):
+            if time.monotonic() - since_s > RESULT_S:
+                self._end(goal_id, OUTCOMES.get(status, "failed"), None)
         self._tell()
 
     def _forget_gone(self, is_there: bool) -> None:
