@@ -40,7 +40,7 @@ WEB_PROCESS = "tests/fleet/server/"
 LONG_FILES = (
     "fleet/server/stops/test_floods.py",
     "fleet/test_no_faults.py",
-    "api/framework/test_schema.py",
+    "api/test_matrix.py",
     "control/test_control.py",
     "teleop/test_access_matrix.py",
     "reports/test_housekeeping.py",

@@ -4,6 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,8 +60,13 @@ INDIRECT = {
 }
 
 
-def calls() -> Iterator[tuple[str, str, list[ast.expr]]]:
-    """List file, function and arguments of each call that writes a record."""
+@cache
+def calls() -> list[tuple[str, str, list[ast.expr]]]:
+    """Return file, function and arguments of each call that writes a record."""
+    return list(_calls())
+
+
+def _calls() -> Iterator[tuple[str, str, list[ast.expr]]]:
     for folder in ("fleet", "robots", "teleop"):
         for path in (ROOT / folder).rglob("*.py"):
             if "migrations" in path.parts:
