@@ -335,7 +335,7 @@ class CoursesBase(SetupView):
 
 
 class CoursesView(CoursesBase):
-    @manages("courses_list", "List the courses that you manage", refuses=())
+    @manages("courses_list", "List the courses that you manage")
     def get(self, query: CoursesAsked) -> CourseList:
         """Staff manage all."""
         found = self.courses()
