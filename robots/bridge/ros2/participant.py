@@ -81,6 +81,10 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc]
             return None
 
 
+class Silent(Unreachable):
+    """A service that has the request does not answer."""
+
+
 class Participant:
     """A node that nobody outside can move, shut down or reconfigure: it has no services and reads no arguments.
 
@@ -188,10 +192,18 @@ class Participant:
         )
         return Subscription(self.node, subscription)
 
-    def ask(self, kind: Any, service: str, request: Any, patience_s: float) -> Any:
-        """Call a service and return its answer. Raises `Unreachable`. Not for the executor's thread.
+    def ask(
+        self,
+        kind: Any,
+        service: str,
+        request: Any,
+        patience_s: float,
+        before: Callable[[], None] = lambda: None,
+    ) -> Any:
+        """Call a service and return its answer. Raises `Unreachable`, or `Silent`. Not for the executor's thread.
 
-        A service that several nodes serve is not asked: one of them may be a stranger.
+        `before` is called just before the request is sent. A service that several nodes serve is not asked: one of
+        them may be a stranger.
         """
         client = self.node.create_client(kind, service, qos_profile=ONE_ANSWER)
         answered = threading.Event()
@@ -203,10 +215,11 @@ class Participant:
                 time.sleep(LOOK_S)
             if self.node.count_services(service) > 1:
                 raise Unreachable(say("several nodes serve {service}: none is asked", service=service))
+            before()
             answer = client.call_async(request)
             answer.add_done_callback(lambda _: answered.set())
             if not answered.wait(max(until_s - time.monotonic(), LOOK_S)):
-                raise Unreachable(say("{service} does not answer", service=service))
+                raise Silent(say("{service} does not answer", service=service))
             return answer.result()
         finally:
             self.node.destroy_client(client)

@@ -1,4 +1,4 @@
-"""Topics that are read as bytes, with what their publishers say of them: for tap and recorder."""
+"""Topics that are read as bytes, with what their publishers say of them: for inspector, tap and recorder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robots.bridge.ros2.network.survey import find_robot
 from robots.bridge.ros2.participant import Participant, Subscription, TypeInUse, complain_of_size
 from robots.bridge.ros2.qos import as_offered
 from robots.bridge.ros2.sizes import MB
-from robots.bridge.ros2.versions import HASHED
+from robots.bridge.ros2.versions import other_hash, told_hash
 from robots.bridge.tap.arrivals import Kind
 from robots.bridge.tap.raw_topic import MOST_PUBLISHERS, Speaker, Take
 from robots.shared.configuration.bridge_config import BridgeConfig
@@ -61,7 +61,7 @@ class RawTopics:
 
     def listen(self, topic: str, take: Take, queue: int) -> RawTopic:
         """Subscribe. `take` gets each message; of what it does not take in time, the newest `queue` are kept."""
-        found = RawTopic(self._participant, topic, take, queue, self._news.set, self._forget)
+        found = RawTopic(self._participant, topic, take, queue, look=self._news.set, closed=self._forget)
         with self._lock:
             self._topics.append(found)
         found.follow()
@@ -87,7 +87,11 @@ class RawTopics:
 
 
 class RawTopic:
-    """One topic. DDS connects equal types only, so the subscription follows the type of the first publisher."""
+    """One topic. DDS connects equal types only, so the subscription follows the type of the first publisher.
+
+    `look` is called when `follow` should be, `closed` at the end; publishers of `ignored` nodes, which begin so, do not
+    count.
+    """
 
     def __init__(
         self,
@@ -95,14 +99,16 @@ class RawTopic:
         topic: str,
         take: Take,
         queue: int,
-        look: Callable[[], None],
-        closed: Callable[[RawTopic], None],
+        *,
+        look: Callable[[], None] = lambda: None,
+        closed: Callable[[RawTopic], None] = lambda _: None,
+        ignored: str | None = None,
     ) -> None:
         self._participant = participant
         self._topic = topic
         self._take = take
         self._queue = queue
-        self._look, self._closed = look, closed
+        self._look, self._closed, self._ignored = look, closed, ignored
         self._lock = threading.RLock()
         self._is_open = True
         self._due_s = 0.0
@@ -133,6 +139,8 @@ class RawTopic:
     def follow(self) -> None:
         """Look at the publishers; subscribe with the type of the first, and as much as all of them offer."""
         found = self._participant.node.get_publishers_info_by_topic(self._topic)[:MOST_PUBLISHERS]
+        if self._ignored is not None:
+            found = [one for one in found if not node_name(one).startswith(self._ignored)]
         with self._lock:
             if not self._is_open:
                 return
@@ -213,8 +221,7 @@ def _key(gid: Any) -> bytes:
 
 def _described(publisher: TopicEndpointInfo) -> Speaker:
     type_name = cut(publisher.topic_type, NAME)
-    hash_text = str(publisher.topic_type_hash)
-    kind = Kind(type_name, hash_text if hash_text.startswith(HASHED) else "")
+    kind = Kind(type_name, told_hash(publisher))
     latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     node = node_name(publisher)
     try:
@@ -222,7 +229,7 @@ def _described(publisher: TopicEndpointInfo) -> Speaker:
     except UnknownTypeError as error:
         refusal = Refusal("type_unknown", str(error), "robot", {"type": type_name})
         return Speaker(node, kind, latched, "", None, refusal)
-    if kind.md5 and found.md5 and kind.md5 != found.md5:
+    if other_hash(publisher, found.md5):
         text = say("{type} has other fields on the robot than in the package installed here.", type=type_name)
         return Speaker(
             node, kind, latched, "", None, Refusal("type_differs", text, "robot", {"type": type_name})

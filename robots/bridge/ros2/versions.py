@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robots.bridge.ros2.network.graph import NO_NAME, node_name
 from robots.shared.texts import MOST_NODES
@@ -50,9 +51,19 @@ class Versions:
         while len(self._known) > MOST_KNOWN:
             del self._known[next(iter(self._known))]
         for one in self._node.get_publishers_info_by_topic(self._topic):
-            theirs = str(one.topic_type_hash)
-            differs = theirs.startswith(HASHED) and theirs != self._ours
-            self._known[bytes(one.endpoint_gid)] = node_name(one) if differs else ""
+            self._known[bytes(one.endpoint_gid)] = node_name(one) if other_hash(one, self._ours) else ""
+
+
+def told_hash(endpoint: TopicEndpointInfo) -> str:
+    """Return the digest that an endpoint tells; empty: its ROS has none."""
+    told = str(endpoint.topic_type_hash)
+    return told if told.startswith(HASHED) else ""
+
+
+def other_hash(endpoint: TopicEndpointInfo, ours: str) -> str:
+    """Return the digest that an endpoint tells if it is not `ours`; empty: the same, or one of the two is not known."""
+    theirs = told_hash(endpoint)
+    return theirs if ours and theirs != ours else ""
 
 
 @cache

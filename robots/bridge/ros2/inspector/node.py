@@ -5,24 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node as RosNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robots.bridge.ros2.definitions import UnknownTypeError, definition
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
-from robots.bridge.ros2.network.graph import node_name
-from robots.bridge.ros2.participant import NO_EVENTS, Participant, TypeInUse, guarded
-from robots.bridge.ros2.qos import as_offered
-from robots.bridge.ros2.versions import Versions
+from robots.bridge.ros2.participant import Participant
+from robots.bridge.ros2.raw_topic import RawTopic
+from robots.bridge.tap.raw_topic import Speaker
 from robots.bridge.topics.inspector import declined
 from robots.bridge.topics.inspector.side import Received, Talker
 from robots.shared.graph import INSPECTOR
 from robots.shared.messages.definition import Definition
-from robots.shared.sentences import reason_of, say
+from robots.shared.sentences import reason_of
 from robots.shared.wire import Refusal
 
 QUEUE = 20  # messages that wait for the executor: they are counted
@@ -38,12 +35,6 @@ def known(type_name: str) -> Definition:
         raise declined.unknown_type(type_name, str(error)) from error
 
 
-def _other(type_name: str) -> Definition:
-    """Refuse to read a message whose publisher has another version of its type."""
-    text = say("{type} has other fields on the robot than in the package installed here.", type=type_name)
-    raise declined.unknown_type(type_name, text)
-
-
 class Node:
     """Subscribes and publishes in the robot's domain."""
 
@@ -52,7 +43,7 @@ class Node:
 
     def subscribe(self, topic: str, take: Callable[[Received], None]) -> Source:
         """Subscribe to a topic with the type of its publishers."""
-        return Source(self._participant.node, topic, take)
+        return Source(self._participant, topic, take)
 
     def advertise(self, topic: str, definition: Definition) -> Writer:
         """Publish messages of an installed type."""
@@ -64,24 +55,20 @@ class Node:
 
 
 class Source:
-    """A subscribed topic. DDS connects equal types only, so the subscription follows the publishers' type."""
+    """A subscribed topic."""
 
-    def __init__(self, node: RosNode, topic: str, take: Callable[[Received], None]) -> None:
-        self._node = node
-        self._topic = topic
+    def __init__(self, participant: Participant, topic: str, take: Callable[[Received], None]) -> None:
         self._take = take
-        self._asked: tuple[str, QoSProfile] | None = None  # type and profile of the subscription
-        self._subscription: Any = None
         self._refusal: Refusal | None = None
+        self._topic = RawTopic(participant, topic, self._receive, QUEUE, ignored=INSPECTOR)
         self.talkers()
 
     def talkers(self) -> list[Talker]:
-        """Return the publishers; subscribe with their type and as much as all of them offer."""
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        publishers = [one for one in found if not node_name(one).startswith(INSPECTOR)]
-        if publishers:
-            self._follow(publishers)
-        return [Talker(node_name(one), one.topic_type, str(one.topic_type_hash)) for one in publishers]
+        """Return the publishers; subscribe as they offer now."""
+        speakers = self._topic.speakers()
+        unknown = (one.refusal for one in speakers if one.refusal and one.refusal.code == "type_unknown")
+        self._refusal = next(unknown, None)
+        return [Talker(one.node, *one.kind) for one in speakers]
 
     def refusal(self) -> Refusal | None:
         """Return a refusal for a type whose package is not installed."""
@@ -89,36 +76,17 @@ class Source:
 
     def close(self) -> None:
         """Unsubscribe."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
+        self._topic.close()
 
-    def _follow(self, publishers: list[TopicEndpointInfo]) -> None:
-        type_name = publishers[0].topic_type
-        qos = as_offered(one.qos_profile for one in publishers)
-        qos.depth = QUEUE
-        if (type_name, qos) == self._asked:
-            return
-        self.close()
-        self._asked = type_name, qos
-        self._refusal = None
-        try:
-            kind = message_class(type_name)
-        except TypeUnknown as error:
-            self._refusal = Refusal("type_unknown", reason_of(error), "robot", {"type": type_name})
-            return
-        versions = Versions(self._node, self._topic, type_name)
-        receive = guarded(lambda data, info: self._receive(type_name, versions, data, info))
-        try:
-            self._subscription = self._node.create_subscription(
-                kind, self._topic, receive, qos, event_callbacks=NO_EVENTS, raw=True
-            )
-        except TypeInUse:  # until the next look
-            self._asked = None
+    def _receive(self, speaker: Speaker, data: bytes) -> None:
+        self._take(Received(speaker.kind.type, data, partial(_definition, speaker)))
 
-    def _receive(self, type_name: str, versions: Versions, data: bytes, info: Any) -> None:
-        fields = _other if versions.other(info) else known
-        self._take(Received(type_name, data, partial(fields, type_name)))
+
+def _definition(speaker: Speaker) -> Definition:
+    """Return what a publisher's messages have. Raises Declined for another version of a type, too."""
+    if speaker.refusal:
+        raise declined.unknown_type(speaker.kind.type, speaker.refusal.text)
+    return known(speaker.kind.type)
 
 
 class Writer:

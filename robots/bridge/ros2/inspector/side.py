@@ -78,7 +78,7 @@ class Ros2:
 
     def call(self, service: Service, request: bytes, require_time: Callable[[], None], largest: int) -> bytes:
         """Call a service by a client of its own."""
-        return services.exchange(self._node, service, request, require_time, largest)
+        return services.exchange(self._participant, service, request, require_time, largest)
 
     # --- parameters ------------------------------------------------------------------------------------
 

@@ -34,6 +34,7 @@ from robots.bridge.ros2.network.searching import (
 )
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE, STATIC, as_offered, kept
+from robots.bridge.ros2.versions import other_hash
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.configuration.robot_ros import Ros2, ros2
@@ -137,9 +138,8 @@ def _commanded(participant: Participant, topic: Topic) -> DriveFound:
 
 
 def _theirs(endpoint: TopicEndpointInfo) -> str:
-    """Return the type hash of an endpoint if it differs from ours. ROS 2 before Iron tells none."""
-    theirs, ours = str(endpoint.topic_type_hash), type_hash(endpoint.topic_type)
-    return theirs if theirs.startswith("RIHS") and ours and theirs != ours else ""
+    """Return the type hash of an endpoint if it differs from ours."""
+    return other_hash(endpoint, type_hash(endpoint.topic_type))
 
 
 class _Heard:
