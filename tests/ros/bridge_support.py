@@ -214,6 +214,18 @@ class WatchdogProcess(RobotProcess):
             return wire.link_report(lane.recv(65536))
 
 
+@contextmanager
+def guarded_bridge(config: BridgeConfig, host: Host, folder: Path) -> Iterator[tuple[BridgeProcess, Hand]]:
+    """A bridge, one link to it, and its watchdog. Without the watchdog no robot drives to a place."""
+    watchdog = WatchdogProcess(config, host, folder)
+    try:
+        watchdog.ready()
+        with running_bridge(config, host, folder) as (process, hand):
+            yield process, hand
+    finally:
+        watchdog.stop()
+
+
 def _fence_of(report: Any) -> int | None:
     """Return the fence of a state report, 0 without control; None if the report is no state."""
     return report.state.fence or 0 if isinstance(report, wire.Status) else None

@@ -148,16 +148,6 @@ def test_a_lost_state_file_counts_as_a_pressed_stop(hand, bridge, bridges, rosma
     assert "missing" in state.stop.reason
 
 
-def test_another_consoles_bridge_is_refused_with_its_host(hand, bridges, rosmaster):
-    other = bridges(rosmaster).link()
-    state = other.state_until(lambda state: state.phase == "refused", "the refusal")
-    assert "127.0.0.1" in state.text
-    other.take_control(1)
-    other.stick(1.0)
-    refused = other.until(lambda report: isinstance(report, wire.Refused), "a refused command")
-    assert refused.refusal.code == "robot_offline"
-
-
 def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_path):
     topics = {"odometry": Topic("/scan_raw", "nav_msgs/Odometry"), "scans": []}
     hand = bridges(rosmaster, topics=topics).link()

@@ -11,15 +11,13 @@ from typing import Any
 
 import pytest
 
-from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
+from robots.shared.ros2.environment import MESSAGES, READY, WHEELS, domain_environment, ros_environment
 from tests.forked import ROS2, ForkedProgram
 from tests.processes import REPOSITORY
 
 PATIENCE_S = 20.0
 
-needs_rclpy = pytest.mark.skipif(
-    not (MESSAGES / "ready").exists(), reason="script/setup ros2 has not installed rclpy"
-)
+needs_rclpy = pytest.mark.skipif(not READY.exists(), reason="script/setup ros2 has not installed rclpy")
 
 
 class Side:
@@ -61,9 +59,9 @@ class Side:
         until_s = time.monotonic() + PATIENCE_S
         while True:
             words = self._lines.get(timeout=max(until_s - time.monotonic(), 0.0)).split()
-            if words[0] == begin and which(words):
+            if words[:1] == [begin] and which(words):
                 return words
-            assert words[0] != "ended", f"the process has ended; no such line: {begin}"
+            assert words != ["ended"], f"the process has ended; no such line: {begin}"
             assert time.monotonic() < until_s, f"no such line: {begin}"
 
     def forget(self) -> None:

@@ -1,16 +1,14 @@
-"""The check of a robot with ROS 2, by its command: what it finds on the simulated robot, and what it says of faults."""
+"""The check of a robot with ROS 2: what it says of faults that only ROS 2 has."""
 
-import json
-from io import StringIO
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
-from django.core.management import call_command
 
 from robots.bridge.ros2.network.interfaces import interfaces
 from robots.registry.models import Robot, RobotProfile
 from robots.shared.ros2.environment import WHEELS, ros_environment, site_packages
+from tests import check_robot
 from tests.processes import free_port
 from tests.ros2.conftest import free_domain
 from tests.ros2.side import Side, needs_rclpy
@@ -19,40 +17,11 @@ pytestmark = [needs_rclpy, pytest.mark.django_db]
 
 
 @pytest.fixture
-def check(db: None, domain: int):
+def check(db: None):
     """`check(**changes)`: run the command for a robot; return its answers by name."""
     profile = RobotProfile.objects.get(slug="tiago-ros2")
-    robot = Robot.objects.create(
-        slug="second", name="Second", profile=profile, domain_id=domain, discovery="localhost"
-    )
-
-    def run(**changes: Any) -> dict[str, dict[str, str]]:
-        Robot.objects.filter(pk=robot.pk).update(**changes)
-        out = StringIO()
-        try:
-            call_command("check_robot", robot.slug, "--json", stdout=out)
-            failed = False
-        except SystemExit as ended:
-            failed = ended.code == 1
-        answers = {answer["name"]: answer for answer in json.loads(out.getvalue())}
-        assert failed == any(answer["level"] == "fail" for answer in answers.values())
-        return answers
-
-    return run
-
-
-@pytest.fixture
-def simulated(domain: int):
-    options = ("--ros=2", "--name=tiago-9", "--pose=2,1.8,0", "--seed=1", "--exit-with-parent")
-    side = Side("robots.simulator", domain, *options)
-    yield side
-    side.close()
-
-
-def test_the_simulated_tiago_is_ready_to_be_driven(check, simulated) -> None:
-    answers = check()
-    assert {name: answer["text"] for name, answer in answers.items() if answer["level"] != "ok"} == {}
-    assert "/simulator" in answers["drive"]["text"]
+    robot = Robot.objects.create(slug="second", name="Second", profile=profile, discovery="localhost")
+    return partial(check_robot.check, robot)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +47,6 @@ def test_faults_that_dds_lets_live_are_named(check, crooked: int) -> None:
         "fail",
         "/base and /base publish odometry: two robots seem to be in this domain.",
     )
-    assert found["clock"][0] == "warn" and "s ahead of the console’s clock" in found["clock"][1]
     assert found["scan /scan_raw"] == (
         "fail",
         "/scan_raw (sensor_msgs/msg/LaserScan) has other fields on the robot than in the package installed here.",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import msgspec
 import pytest
 
@@ -14,24 +12,9 @@ from robots.shared.records.record_sink import TakenMap
 from robots.shared.ros2.environment import domain_environment
 from tests.forked import ROS2, answer_of
 from tests.processes import until
-from tests.ros2.side import Side, needs_rclpy
+from tests.ros2.side import needs_rclpy
 
-pytestmark = needs_rclpy
-
-
-@pytest.fixture(scope="module", autouse=True)
-def robot(domain: int) -> Iterator[Side]:
-    options = (
-        "--ros=2",
-        "--name=tiago-9",
-        "--world=office",
-        "--pose=2,1.8,0",
-        "--seed=1",
-        "--exit-with-parent",
-    )
-    side = Side("robots.simulator", domain, *options)
-    yield side
-    side.close()
+pytestmark = [needs_rclpy, pytest.mark.usefixtures("robot")]
 
 
 def fetched(domain: int, topic: Topic) -> TakenMap | NoMap:

@@ -1,37 +1,27 @@
-"""The bridge’s rclpy node against a robot’s base, each in a process and both in a domain of their own."""
+"""The bridge’s rclpy node against a robot’s base, each in a process."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from tests.ros2.conftest import free_domain
 from tests.ros2.side import Side, needs_rclpy
-
-RUN = 7  # place of the run in a line about odometry
+from tests.sides.visitor import Visitor
 
 pytestmark = needs_rclpy
 
 
 @pytest.fixture
-def domain() -> Iterator[int]:
-    """A domain for each test: a killed process stays in its domain for 20 s."""
-    with free_domain() as found:
-        yield found
+def robot(domain: int) -> Iterator[Side]:
+    with closing(Side("tests.ros2.robot_side", domain)) as robot:
+        yield robot
 
 
 @pytest.fixture
-def robot(domain: int):
-    side = Side("tests.ros2.robot_side", domain)
-    yield side
-    side.close()
-
-
-@pytest.fixture
-def bridge(domain: int, robot: Side, tmp_path: Path):
-    side = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path))
-    yield side
-    side.close()
+def bridge(domain: int, robot: Side, tmp_path: Path) -> Iterator[Side]:
+    with closing(Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path))) as bridge:
+        yield bridge
 
 
 def test_core_gets_odometry_and_scans(bridge: Side) -> None:
@@ -45,71 +35,19 @@ def test_core_gets_odometry_and_scans(bridge: Side) -> None:
     assert bridge.await_line("joints") == ["joints", "0.5", "-0.25", "None"]
 
 
-def test_twists_and_cancels_reach_the_robot(bridge: Side, robot: Side) -> None:
-    bridge.await_line("listened")
-    bridge.say("0.5 -0.25")
-    assert robot.await_line("twist") == ["twist", "0.5", "-0.25"]
-    bridge.say("cancel")
-    assert robot.await_line("cancel") == ["cancel", "all"]
-
-
 def test_goals_of_actions_that_nobody_named_are_cancelled_too(bridge: Side, robot: Side) -> None:
     robot.await_line("found")
     bridge.say("cancel")
     assert robot.await_line("cancel_other") == ["cancel_other", "all"]
 
 
-def test_a_bridge_that_ends_leaves_zero(bridge: Side, robot: Side) -> None:
+def test_a_page_reads_who_else_drives_and_who_hears_nothing(bridge: Side, visitor: Visitor) -> None:
     bridge.await_line("listened")
-    bridge.say("0.5 0.0")
-    robot.await_line("twist")
-    bridge.close()
-    assert robot.await_line("twist") == ["twist", "0.0", "0.0"]
-    assert bridge.await_line("left") == ["left", "True"]
-
-
-def test_another_run_of_the_robot_is_another_run(domain: int, bridge: Side, robot: Side) -> None:
-    before = bridge.await_line("odometry")[RUN]
-    bridge.await_line("described")  # the first survey is over
-    robot.close(kill=True)
-    again = Side("tests.ros2.robot_side", domain)
-    try:
-        bridge.await_line("odometry", lambda words: words[RUN] != before)
-        bridge.await_line("restarted")
-    finally:
-        again.close()
-
-
-def test_only_one_bridge_drives_a_robot(domain: int, bridge: Side, robot: Side, tmp_path: Path) -> None:
-    """The other one is of a copy of the console: it has the same names for all."""
-    bridge.await_line("listened")
-    second = Side("tests.ros2.bridge_side", domain, str(domain), str(tmp_path))
-    try:
-        assert "drives this robot" in " ".join(
-            second.await_line("status", lambda words: words[1] == "refused")
-        )
-        bridge.close(kill=True)
-        second.await_line("listened")
-    finally:
-        second.close()
-
-
-def test_a_page_reads_whether_the_robot_is_there(bridge: Side, robot: Side) -> None:
-    bridge.await_line("listened")
-    bridge.await_line("status", lambda words: words[1] == "connecting")
-    robot.close()
-    assert "Nothing" in bridge.await_line("status", lambda words: words[1] == "waiting")
-
-
-def test_a_page_reads_who_else_drives_and_who_hears_nothing(domain: int, bridge: Side, robot: Side) -> None:
-    bridge.await_line("listened")
-    visitor = Side("tests.ros2.visitor", domain)
-    try:
-        visitor.say('{"publish": "/key_vel", "kind": "geometry_msgs/Twist", "fields": {}}')
-        visitor.say('{"listen": "/key_vel", "kind": "geometry_msgs/Twist", "kept": true}')
+    with (
+        visitor.speak("/key_vel", "geometry_msgs/Twist"),
+        visitor.listen("/key_vel", "geometry_msgs/Twist", kept=True),
+    ):
         status = bridge.await_line("status", lambda words: "/visitor" in words and "transient" in words)
-        # no text; who else publishes; what does not fit
-        assert status[2:6] == ["|", "|", "/visitor", "|"]
-        assert status[6:11] == ["/visitor", "gets", "nothing", "on", "/key_vel:"]
-    finally:
-        visitor.close()
+    # no text; who else publishes; what does not fit
+    assert status[2:6] == ["|", "|", "/visitor", "|"]
+    assert status[6:11] == ["/visitor", "gets", "nothing", "on", "/key_vel:"]

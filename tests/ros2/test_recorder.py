@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from msgspec.structs import replace
 from rosbags.rosbag2 import Reader
 
 from robots.bridge.recorder.recorder_messages import InControl
 from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents
 from robots.recordings.files.decoding import Decoder
-from robots.shared.configuration.robot_ros import Ros2
 from robots.shared.records.record_sink import TakenRecording
-from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
 from robots.shared.wire import BlackBoxState
-from tests.bridge.support import CONFIG
 from tests.processes import PATIENCE_S, until
 from tests.recorder_process import RecorderProcess, ends_with_its_robot
-from tests.ros2.conftest import free_domain
+from tests.ros2.conftest import OPTIONS, free_domain
 from tests.ros2.side import Side, needs_rclpy
-from tests.ros2.test_simulator import OPTIONS, Visitor, robot  # noqa: F401  (it runs for this module too)
+from tests.sides.side import Ros2Side
+from tests.sides.visitor import Visitor
 
 ODOMETRY, MAP, CAMERA = "/mobile_base_controller/odom", "/map", "/xtion/rgb/image_raw/compressed"
 
@@ -31,18 +27,14 @@ pytestmark = needs_rclpy
 
 
 @pytest.fixture(scope="module")
-def recorder(domain: int, robot: Side, short_folder: Path):  # noqa: F811
-    process = recorder_in(domain, short_folder)
+def recorder(network: Ros2Side, robot: Side, short_folder: Path):
+    process = recorder_in(network, short_folder)
     yield process
     process.stop()
 
 
-def recorder_in(domain: int, folder: Path) -> RecorderProcess:
-    config = replace(
-        CONFIG, ros=Ros2(domain_id=domain, discovery="localhost"), state_dir=str(folder / "state")
-    )
-    environment = os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(domain)
-    return RecorderProcess(config, environment, folder)
+def recorder_in(network: Ros2Side, folder: Path) -> RecorderProcess:
+    return RecorderProcess(network.config(folder), network.environment(), folder)
 
 
 def read_by_rosbag2(path: Path, topic: str) -> list[bytes]:
@@ -76,16 +68,13 @@ def test_a_recording_has_cdr_and_whole_definitions(recorder: RecorderProcess, tm
 
 
 def test_a_pressed_bumper_is_an_event_and_others_topics_are_found(
-    recorder: RecorderProcess, domain: int
+    recorder: RecorderProcess, visitor: Visitor
 ) -> None:
     recorder.say(InControl("person-1", "session-1"))
     recording = recorder.begins("pictures_not")
-    visitor = Visitor("tests.ros2.visitor", domain)
-    try:
-        visitor.ask(publish="/bumper_front", kind="std_msgs/Bool", fields={"data": True})
+    with visitor.speak("/bumper_front", "std_msgs/Bool") as bumper:
+        bumper.publish(data=True)
         until(lambda: box(recorder).keeps == "contact", "the contact", PATIENCE_S)
-    finally:
-        visitor.close()
     topics = {one.topic for one in recorder.finishes(recording).topics}
     assert {"/bumper_front", "/tf", "/scan_raw"} <= topics and CAMERA not in topics
     assert not [topic for topic in topics if "/_action/" in topic]
@@ -95,7 +84,7 @@ def test_recordings_end_with_the_robot(tmp_path: Path) -> None:
     with free_domain() as domain:
         robot = Side("robots.simulator", domain, *OPTIONS)
         try:
-            ends_with_its_robot(recorder_in(domain, tmp_path), robot.close)
+            ends_with_its_robot(recorder_in(Ros2Side(domain), tmp_path), robot.close)
         finally:
             robot.close()
 

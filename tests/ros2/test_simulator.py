@@ -1,159 +1,133 @@
 """The simulated robot in ROS 2, as a plain rclpy client finds it."""
 
-import json
-from typing import Any
-
 import pytest
 
-from tests.ros2.side import Side, needs_rclpy
+from tests.ros2.side import needs_rclpy
+from tests.sides.visitor import Visitor
 
-SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
-ODOMETRY = "/mobile_base_controller/odom"
-OPTIONS = ("--ros=2", "--name=tiago-9", "--pose=2,1.8,0", "--seed=1", "--drift=0", "--exit-with-parent")
+ODOMETRY, TWIST = "nav_msgs/Odometry", "geometry_msgs/Twist"
+MOTIONS = "/play_motion2", "play_motion2_msgs/PlayMotion2"
+SPEECH = "/tts_engine/tts", "tts_msgs/TTS"
+NAVIGATION = "/navigate_to_pose", "nav2_msgs/NavigateToPose"
 
-pytestmark = needs_rclpy
-
-
-class Visitor(Side):
-    """`tests.ros2.visitor`."""
-
-    def ask(self, **command: Any) -> None:
-        self.say(json.dumps(command))
-
-    def hear(self, word: str, which=lambda value: True) -> Any:
-        """Return the next such answer; others are dropped."""
-
-        def value(words: list[str]) -> Any:
-            return json.loads(" ".join(words[1:]))
-
-        return value(self.await_line(word, lambda words: which(value(words))))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def robot(domain: int):
-    side = Side("robots.simulator", domain, *OPTIONS)
-    yield side
-    side.close()
-
-
-@pytest.fixture
-def visitor(domain: int):
-    side = Visitor("tests.ros2.visitor", domain)
-    yield side
-    side.close()
+pytestmark = [needs_rclpy, pytest.mark.usefixtures("robot")]
 
 
 def test_it_drives_through_the_mux_and_stops_without_commands(visitor: Visitor) -> None:
-    visitor.ask(listen=ODOMETRY, kind="nav_msgs/Odometry")
-    begin = visitor.hear(ODOMETRY)
-    assert (begin["header"]["frame_id"], begin["child_frame_id"]) == ("odom", "base_footprint")
-    for _ in range(10):  # its velocity is limited by its acceleration
-        visitor.ask(publish="/key_vel", kind="geometry_msgs/Twist", fields={"linear": {"x": 0.5}})
-        moving = visitor.hear(ODOMETRY)
-    assert visitor.hear(ODOMETRY, lambda message: message["twist"]["twist"]["linear"]["x"] > 0.05)
-    assert moving["header"]["stamp"] != begin["header"]["stamp"]
-    visitor.hear(ODOMETRY, lambda message: message["twist"]["twist"]["linear"]["x"] == 0.0)
+    with (
+        visitor.listen("/mobile_base_controller/odom", ODOMETRY) as odometry,
+        visitor.speak("/key_vel", TWIST) as twists,
+    ):
+        begin = odometry.next()
+        assert (begin.header.frame_id, begin.child_frame_id) == ("odom", "base_footprint")
+        for _ in range(10):  # its velocity is limited by its acceleration
+            twists.publish(linear={"x": 0.5})
+            moving = odometry.next()
+        odometry.until(lambda message: message.twist.twist.linear.x > 0.05)
+        assert moving.header.stamp != begin.header.stamp
+        odometry.until(lambda message: message.twist.twist.linear.x == 0.0)
 
 
 def test_its_sensors_are_best_effort_and_its_description_stays(visitor: Visitor) -> None:
-    visitor.ask(listen="/scan_raw", kind="sensor_msgs/LaserScan", sensor=True)
-    assert visitor.hear("/scan_raw")["ranges"] == 666
+    with visitor.listen("/scan_raw", "sensor_msgs/LaserScan", sensor=True) as scans:
+        assert len(scans.next().ranges) == 666
     for topic, kind, field in (
         ("/robot_description", "std_msgs/String", "data"),
         ("/map", "nav_msgs/OccupancyGrid", "data"),
         ("/tf_static", "tf2_msgs/TFMessage", "transforms"),
     ):
-        visitor.ask(listen=topic, kind=kind, kept=True)
-        assert visitor.hear(topic)[field]
-    visitor.ask(listen="/diagnostics", kind="diagnostic_msgs/DiagnosticArray")
-    visitor.ask(listen="/power/battery_level", kind="std_msgs/Float32")
-    assert visitor.hear("/power/battery_level")["data"] > 50.0
-    assert visitor.hear("/diagnostics")["status"]
+        with visitor.listen(topic, kind, kept=True) as messages:
+            assert getattr(messages.next(), field)
+    with (
+        visitor.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray") as diagnostics,
+        visitor.listen("/power/battery_level", "std_msgs/Float32") as battery,
+    ):
+        assert battery.next().data > 50.0
+        assert diagnostics.next().status
 
 
 def test_a_motion_plays_once_at_a_time_and_is_cancelled(visitor: Visitor) -> None:
-    visitor.ask(call="/play_motion2/list_motions", kind="play_motion2_msgs/ListMotions", fields={})
-    assert "wave" in visitor.hear("answer")["motion_keys"]
-    visitor.ask(parameters="/play_motion2", names=["motions.wave.joints", "motions.wave.meta.name"])
-    joints, name = visitor.hear("parameters")
-    assert (joints[0], name) == ("arm_1_joint", "Wave")
-    wave = {"goal": "/play_motion2", "kind": "play_motion2_msgs/PlayMotion2"}
-    visitor.ask(**wave, fields={"motion_name": "wave"})
-    assert visitor.hear("accepted") is True
-    visitor.ask(**wave, fields={"motion_name": "wave"})
-    assert visitor.hear("accepted") is False
-    visitor.ask(cancel="/play_motion2")
-    assert visitor.hear("cancelled") == 1
-    assert visitor.hear("ended") == [CANCELED, {"success": False, "error": ""}]
-    visitor.ask(**wave, fields={"motion_name": "no such motion"})
-    assert visitor.hear("accepted") is False
+    listed = visitor.call("/play_motion2/list_motions", "play_motion2_msgs/ListMotions")
+    assert "wave" in listed.motion_keys
+    assert visitor.parameter("/play_motion2", "motions.wave.joints")[0] == "arm_1_joint"
+    assert visitor.parameter("/play_motion2", "motions.wave.meta.name") == "Wave"
+    wave = visitor.goal(*MOTIONS, motion_name="wave")
+    assert wave.accepted()
+    assert not visitor.goal(*MOTIONS, motion_name="wave").accepted()
+    visitor.cancel(MOTIONS[0])
+    end, result = wave.ended()
+    assert (end, result.success, result.error) == ("canceled", False, "")
+    assert not visitor.goal(*MOTIONS, motion_name="no such motion").accepted()
 
 
 def test_it_says_each_word(visitor: Visitor) -> None:
-    say = {"goal": "/tts_engine/tts", "kind": "tts_msgs/TTS"}
-    visitor.ask(**say, fields={"input": "Hello there", "locale": "en_GB"})
-    assert [visitor.hear("feedback")["word"] for _ in range(2)] == ["Hello", "there"]
-    assert visitor.hear("ended") == [SUCCEEDED, {"error_msg": "", "text": "Hello there"}]
-    visitor.ask(**say, fields={"input": "Hello", "locale": "English"})
-    status, result = visitor.hear("ended")
-    assert (status, bool(result["error_msg"])) == (ABORTED, True)
+    said = visitor.goal(*SPEECH, input="Hello there", locale="en_GB")
+    assert [said.feedback.next().word for _ in range(2)] == ["Hello", "there"]
+    end, result = said.ended()
+    assert (end, result.error_msg, result.text) == ("succeeded", "", "Hello there")
+    end, result = visitor.goal(*SPEECH, input="Hello", locale="English").ended()
+    assert (end, bool(result.error_msg)) == ("aborted", True)
 
 
 def test_head_torso_and_gripper_follow_trajectories(visitor: Visitor) -> None:
-    def joints(*names: str) -> list[float]:
-        state = visitor.hear("/joint_states")
-        return [state["position"][state["name"].index(name)] for name in names]
+    def at(*names: str) -> list[float]:
+        state = joints.next()
+        return [state.position[state.name.index(name)] for name in names]
 
-    visitor.ask(listen="/joint_states", kind="sensor_msgs/JointState")
-    points = [{"positions": [0.3, -0.1], "time_from_start": {"sec": 0, "nanosec": 500_000_000}}]
-    head = {"joint_names": ["head_1_joint", "head_2_joint"], "points": points}
-    visitor.ask(
-        publish="/head_controller/joint_trajectory", kind="trajectory_msgs/JointTrajectory", fields=head
-    )
-    while joints("head_1_joint", "head_2_joint") != [0.3, -0.1]:
-        pass
-    for controller, names, positions in (
-        ("torso", ["torso_lift_joint"], [0.17]),
-        ("gripper", ["gripper_left_finger_joint", "gripper_right_finger_joint"], [0.03, 0.03]),
+    with (
+        visitor.listen("/joint_states", "sensor_msgs/JointState") as joints,
+        visitor.speak("/head_controller/joint_trajectory", "trajectory_msgs/JointTrajectory") as head,
     ):
-        trajectory = {
-            "joint_names": names,
-            "points": [{"positions": positions, "time_from_start": {"sec": 1}}],
-        }
-        visitor.ask(
-            goal=f"/{controller}_controller/follow_joint_trajectory",
-            kind="control_msgs/FollowJointTrajectory",
-            fields={"trajectory": trajectory},
-        )
-        assert visitor.hear("ended") == [SUCCEEDED, {"error_code": 0, "error_string": ""}]
-        assert joints(*names) == pytest.approx(positions)
+        names = ["head_1_joint", "head_2_joint"]
+        head.publish(joint_names=names, points=[{"positions": [0.3, -0.1], "time_from_start": 0.5}])
+        while at(*names) != [0.3, -0.1]:
+            pass
+        for controller, names, positions in (
+            ("torso", ["torso_lift_joint"], [0.17]),
+            ("gripper", ["gripper_left_finger_joint", "gripper_right_finger_joint"], [0.03, 0.03]),
+        ):
+            points = [{"positions": positions, "time_from_start": 1.0}]
+            moved = visitor.goal(
+                f"/{controller}_controller/follow_joint_trajectory",
+                "control_msgs/FollowJointTrajectory",
+                trajectory={"joint_names": names, "points": points},
+            )
+            end, result = moved.ended()
+            assert (end, result.error_code, result.error_string) == ("succeeded", 0, "")
+            joints.drain()
+            assert at(*names) == pytest.approx(positions)
 
 
 def test_it_goes_to_a_pose_and_stops_when_all_goals_are_cancelled(visitor: Visitor) -> None:
-    go = {"goal": "/navigate_to_pose", "kind": "nav2_msgs/NavigateToPose"}
-    for topic, kind in (("/ground_truth/pose", "nav_msgs/Odometry"), ("/cmd_vel", "geometry_msgs/Twist")):
-        visitor.ask(listen=topic, kind=kind)
-    x = visitor.hear("/ground_truth/pose")["pose"]["pose"]["position"]["x"]
-    target = {"position": {"x": x + 1.0, "y": 1.8}, "orientation": {"w": 1.0}}
-    visitor.ask(**go, fields={"pose": {"header": {"frame_id": "map"}, "pose": target}})
-    assert 0.5 < visitor.hear("feedback")["distance_remaining"] < 1.5
-    visitor.hear("/cmd_vel", lambda twist: twist["linear"]["x"] > 0.1)
-    visitor.ask(cancel="/navigate_to_pose")
-    assert visitor.hear("ended")[0] == CANCELED
-    visitor.hear("/ground_truth/pose", lambda message: message["twist"]["twist"]["linear"]["x"] < 0.001)
-    visitor.ask(**go, fields={"pose": {"header": {"frame_id": "base_link"}, "pose": target}})
-    assert visitor.hear("ended")[0] == ABORTED
-    fields = {"header": {"frame_id": "map"}, "pose": target}
-    visitor.ask(publish="/goal_pose", kind="geometry_msgs/PoseStamped", fields=fields)
-    visitor.hear("/cmd_vel", lambda twist: twist["linear"]["x"] > 0.1)
-    visitor.ask(cancel="/navigate_to_pose")
-    assert visitor.hear("cancelled", lambda count: count == 1)
+    with (
+        visitor.listen("/ground_truth/pose", ODOMETRY) as truth,
+        visitor.listen("/cmd_vel", TWIST) as twists,
+        visitor.speak("/goal_pose", "geometry_msgs/PoseStamped") as goals,
+    ):
+        x = truth.next().pose.pose.position.x
+        target = {"position": {"x": x + 1.0, "y": 1.8}, "orientation": {"w": 1.0}}
+        pose = {"header": {"frame_id": "map"}, "pose": target}
+        goes = visitor.goal(*NAVIGATION, pose=pose)
+        assert 0.5 < goes.feedback.next().distance_remaining < 1.5
+        twists.until(lambda twist: twist.linear.x > 0.1)
+        visitor.cancel(NAVIGATION[0])
+        assert goes.ended()[0] == "canceled"
+        truth.until(lambda message: message.twist.twist.linear.x < 0.001)
+        elsewhere = visitor.goal(*NAVIGATION, pose={**pose, "header": {"frame_id": "base_link"}})
+        assert elsewhere.ended()[0] == "aborted"
+        twists.drain()
+        goals.publish(**pose)
+        twists.until(lambda twist: twist.linear.x > 0.1)
+        visitor.cancel(NAVIGATION[0])
+        twists.until(lambda twist: twist.linear.x == 0.0)
 
 
 def test_its_cameras_publish(visitor: Visitor) -> None:
-    for topic in ("/xtion/rgb/image_raw/compressed", "/xtion/depth_registered/image_raw"):
-        kind = "sensor_msgs/CompressedImage" if topic.endswith("compressed") else "sensor_msgs/Image"
-        visitor.ask(listen=topic, kind=kind)
-        message = visitor.hear(topic)
-        assert message["data"] > 1000
-        assert message["header"]["frame_id"] == "xtion_rgb_optical_frame"
+    for topic, kind in (
+        ("/xtion/rgb/image_raw/compressed", "sensor_msgs/CompressedImage"),
+        ("/xtion/depth_registered/image_raw", "sensor_msgs/Image"),
+    ):
+        with visitor.listen(topic, kind) as pictures:
+            message = pictures.next()
+        assert message.data > 1000  # its length
+        assert message.header.frame_id == "xtion_rgb_optical_frame"

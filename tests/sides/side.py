@@ -19,13 +19,13 @@ from robots.shared.configuration.bridge_config import BridgeConfig, Topics
 from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.configuration.robot_ros import Ros, Ros1, Ros2
 from robots.shared.messages.type_names import in_ros2
-from robots.shared.ros2.environment import MESSAGES, READY, WHEELS, domain_environment, ros_environment
+from robots.shared.ros2.environment import MESSAGES, WHEELS, domain_environment, ros_environment
 from script.stack.processes import ReservedDomain
 from tests.forked import ROS2, ForkedProgram
 from tests.ros.bridge_support import robot_config
 from tests.ros.support import Master
+from tests.ros2.side import needs_rclpy
 
-needs_rclpy = pytest.mark.skipif(not READY.exists(), reason="script/setup ros2 has not installed rclpy")
 SIDES = [pytest.param("ros1"), pytest.param("ros2", marks=needs_rclpy)]
 ALWAYS = ("drive", "odometry", "battery", "cancel_on_stop")  # beside laser and sonars, which are the same
 
@@ -46,6 +46,10 @@ class Side(ABC):
     def fork(self, program: str, *arguments: str, log: Path) -> ForkedProgram:
         """Start a program of this robot without importing its modules again."""
 
+    @abstractmethod
+    def address(self) -> dict[str, Any]:
+        """Return how the robot is reached, as columns of the registry."""
+
     @property
     def topics(self) -> Topics:
         """The robot's topics and actions."""
@@ -54,6 +58,14 @@ class Side(ABC):
     def type(self, name: str) -> str:
         """Return the name that this ROS has for a type of messages of ROS 1, such as ``nav_msgs/Odometry``."""
         return name if self.number == 1 else in_ros2(name)
+
+    def service_type(self, name: str) -> str:
+        """Return the name that this ROS has for a type of services of ROS 1, such as ``std_srvs/SetBool``."""
+        return name if self.number == 1 else name.replace("/", "/srv/")
+
+    def parameter(self, node: str, name: str) -> str:
+        """Return how people name a node's parameter, such as ``motions.wave.joints``."""
+        return f"{node}/{name.replace('.', '/')}" if self.number == 1 else f"{node}:{name}"
 
     def config(
         self, folder: Path, *parts: str, topics: dict[str, Any] | None = None, **changes: Any
@@ -79,6 +91,9 @@ class Ros1Side(Side):
     def environment(self) -> dict[str, str]:
         return self.master.environment()
 
+    def address(self) -> dict[str, Any]:
+        return {"master_uri": self.master.uri, "advertised_address": "127.0.0.1"}
+
     def fork(self, program: str, *arguments: str, log: Path) -> ForkedProgram:
         return self.master.fork(program, *arguments, log=log)
 
@@ -88,6 +103,9 @@ class Ros2Side(Side):
 
     def __init__(self, domain: int) -> None:
         self.domain, self.ros = domain, Ros2(domain, "localhost")
+
+    def address(self) -> dict[str, Any]:
+        return {"domain_id": self.domain, "discovery": "localhost"}
 
     def environment(self) -> dict[str, str]:
         return os.environ | ros_environment([MESSAGES, WHEELS]) | domain_environment(self.domain)

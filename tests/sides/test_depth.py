@@ -7,6 +7,7 @@ import re
 from contextlib import contextmanager
 
 import pytest
+from msgspec.structs import replace
 
 from robots.shared import wire
 from robots.shared.processes.probe_findings import BRIDGE
@@ -14,7 +15,7 @@ from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge
 
 # The table's edge is at y = 1.0, its legs are left and right of the path.
-BEFORE_TABLE = {"x": 5.0, "y": 2.9, "theta": -math.pi / 2.0}
+BEFORE_TABLE = (5.0, 2.9, -math.pi / 2.0)
 EDGE_Y = 1.0
 
 
@@ -28,8 +29,9 @@ def bridge(side, robot, tmp_path):
     """``with bridge("head") as hand``: a link to a robot with a depth camera and these parts."""
 
     @contextmanager
-    def begin(*parts: str):
-        with running_bridge(side.config(tmp_path, "depth", *parts), side, tmp_path) as (_, hand):
+    def begin(*parts: str, depth=side.topics.depth):
+        config = side.config(tmp_path, *parts, topics={"depth": depth})
+        with running_bridge(config, side, tmp_path) as (_, hand):
             hand.state_until(drivable, "a robot that can be driven")
             yield hand
 
@@ -65,12 +67,9 @@ def stage(visitor, turn):
     """Place the robot before the table, its head ahead; yield its ground truth and its contacts."""
     turn(0.0)
     with (
-        visitor.listen("/ground_truth/pose", "nav_msgs/Odometry") as truth,
+        visitor.at(*BEFORE_TABLE) as truth,
         visitor.listen("/ground_truth/contacts", "std_msgs/String") as contacts,
-        visitor.speak("/ground_truth/teleport", "geometry_msgs/Pose2D") as teleport,
     ):
-        teleport.publish(**BEFORE_TABLE)
-        truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_TABLE["y"]) < 0.01)
         yield truth, contacts
 
 
@@ -82,9 +81,14 @@ def depth_limits(state: wire.State) -> list[str]:
     return [limit.text for limit in state.verdict.limits if "depth" in limit.text]
 
 
-def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(stage, bridge):
+@pytest.mark.parametrize("form", ["pictures", "cloud"])
+def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(side, stage, bridge, form):
     truth, contacts = stage
-    with bridge() as hand:
+    depth = side.topics.depth
+    if form == "cloud":
+        cloud = side.type("sensor_msgs/PointCloud2")
+        depth = replace(depth, topic="/xtion/depth_registered/points", type=cloud, info=None)
+    with bridge(depth=depth) as hand:
         hand.take_control(1)
         hand.state_until(lambda state: not depth_limits(state), "pictures of the way ahead")
         contacts.drain()

@@ -13,7 +13,6 @@ from robots.shared import wire
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge
 from tests.ros.performing import ask, asked, end_of, numbers, perform, play
-from tests.ros.support import is_at
 
 IN_THE_OPEN = (3.8, 2.2, 0.0)
 BEFORE_WALL = (7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
@@ -48,13 +47,8 @@ def at(visitor, robot):
     """``at(pose)`` places the robot."""
 
     def place(pose):
-        x, y, theta = pose
-        with (
-            visitor.listen("/ground_truth/pose", "nav_msgs/Odometry") as truth,
-            visitor.speak("/ground_truth/teleport", "geometry_msgs/Pose2D") as teleport,
-        ):
-            teleport.publish(x=x, y=y, theta=theta)
-            truth.until(lambda message: is_at(message.pose.pose, x, y, theta))
+        with visitor.at(*pose):
+            pass
 
     return place
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,10 +13,10 @@ import pytest
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.processes.probe_findings import watchdog_name
-from tests.processes import until
 from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess
 from tests.sides.side import Side
-from tests.sides.visitor import Inbox, Visitor
+from tests.sides.visitor import Visitor
+from tests.zeros import Zeros
 
 DRIVE, TWIST = "/key_vel", "geometry_msgs/Twist"
 
@@ -31,34 +30,6 @@ def bridge(start: Callable[..., Any], watchdog: WatchdogProcess) -> BridgeProces
 def zeros(visitor: Visitor, config: BridgeConfig) -> Iterator[Zeros]:
     with visitor.listen(DRIVE, TWIST) as inbox:
         yield Zeros(inbox, watchdog_name(config.robot_id))
-
-
-class Zeros:
-    """Messages on the drive topic, by publisher."""
-
-    def __init__(self, inbox: Inbox, watchdog: str) -> None:
-        self._inbox = inbox
-        self._watchdog = watchdog
-
-    def of_the_watchdog(self, count: int = 5) -> None:
-        """Wait for this number of new zeros from the watchdog."""
-        self._inbox.drain()
-        for _ in range(count):
-            self._inbox.until(lambda message: message.by == self._watchdog and still(message))
-
-    def end(self) -> None:
-        """Wait until the watchdog has published nothing for 0.5 s."""
-
-        def quiet() -> bool:
-            time.sleep(0.5)
-            return not any(message.by == self._watchdog for message in self._inbox.drain())
-
-        self._inbox.drain()
-        until(quiet, "the watchdog to be quiet")
-
-
-def still(message: Any) -> bool:
-    return message.linear.x == message.linear.y == message.angular.z == 0.0
 
 
 def turn(hand: Hand) -> None:

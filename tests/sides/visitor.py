@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import queue
 import socket
 import tempfile
@@ -21,6 +22,7 @@ from typing import Any
 from robots.shared.messages.type_names import bare
 from tests.messages import Messages
 from tests.processes import PATIENCE_S, end, until
+from tests.ros.support import is_at
 from tests.sides.side import Side
 
 
@@ -154,6 +156,17 @@ class Visitor:
         finally:
             self.ask("forget", of=number)
 
+    @contextmanager
+    def at(self, x: float, y: float, heading: float) -> Iterator[Inbox]:
+        """Place the simulated robot, where the test before may have left it anywhere; yield its true poses."""
+        with (
+            self.listen("/ground_truth/pose", "nav_msgs/Odometry") as truth,
+            self.speak("/ground_truth/teleport", "geometry_msgs/Pose2D") as teleport,
+        ):
+            teleport.publish(x=x, y=y, theta=heading)
+            truth.until(lambda told: is_at(told.pose.pose, x, y, heading))
+            yield truth
+
     def connected(self, *inboxes: Inbox) -> None:
         """Wait until each inbox has a publisher: messages sent before are lost."""
         until(lambda: all(inbox.publishers for inbox in inboxes), "publishers of what is listened to")
@@ -211,6 +224,13 @@ class Visitor:
                 self._answers[answer.id].put(answer)
             elif taking := self._taking.get(answer.id):
                 taking.take(answer)
+
+
+def place(truth: Messages) -> tuple[float, float, float]:
+    """Return the robot's true pose now."""
+    truth.settle()
+    pose = truth.next().pose.pose
+    return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
 
 
 def _plain(type: str) -> str:

@@ -6,8 +6,8 @@ import time
 
 from robots.shared import wire
 from tests.processes import REPOSITORY
-from tests.ros.bridge_support import drivable, tiago_config
-from tests.ros.navigation.conftest import RENEW_S, TOPICS, Traveller, guarded_bridge
+from tests.sides.navigation.traveller import RENEW_S, travelling
+from tests.sides.side import Ros1Side
 
 EAST = (9.2, 2.0)  # a free place of the office; the second world ends before it
 WATCHED_S = 12.0
@@ -25,11 +25,9 @@ def test_no_goal_is_accepted_on_the_map_before(make_master, simulator, tmp_path)
     smaller.write_text(office.replace("[-1.0, -1.0, 11.0, 8.0]", "[-1.0, -1.0, 9.0, 8.0]"))
     master = make_master()
     first = simulator(master=master, pose="2,1.8,0", seed=1)
-    with guarded_bridge(tiago_config(master, tmp_path, topics=TOPICS), master, tmp_path) as (process, hand):
-        hand.state_until(drivable, "a robot that can be driven")
-        hand.take_control(1)
-        hand.let_go()
-        traveller = Traveller(process, hand)
+    config = Ros1Side(master).config(tmp_path, "navigation", "map")
+    with travelling(config, master, tmp_path) as traveller:
+        hand = traveller.hand
         traveller.until(lambda state: state.location and not state.location.problem, "localisation")
         seq = traveller.go(*EAST)
         assert hand.ask(wire.GoCancel(1, seq + 10_000)) is None

@@ -229,15 +229,6 @@ class TestNamesake:
             if second:
                 second.close()
 
-    def test_one_that_was_killed_is_followed_at_once(self, bridges, rosmaster):
-        first = bridges(rosmaster)
-        first.link().state_until(drivable, "the robot")
-        second = bridges(rosmaster).link()
-        second.state_until(lambda state: "drives this robot" in state.text, "a refusal")
-        first.kill()
-        second.state_until(drivable, "the robot, for the second")
-        second.close()
-
     def test_only_silence_without_a_break_is_a_death(self, rosmaster, soon, monkeypatch):
         clock = itertools.count(100.0)  # each reading is one second later
         patient = int(SILENCE_S)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -22,7 +21,8 @@ from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
 from robots.shared.processes.shutdown import EXIT_NAME_LOST
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess, drivable, tiago_config
-from tests.ros.support import Inbox, Master, RosClient
+from tests.ros.support import Master, RosClient
+from tests.zeros import Zeros
 
 DRIVE = "/key_vel"
 
@@ -72,45 +72,12 @@ def hand(bridge: BridgeProcess) -> Iterator[Hand]:
 @pytest.fixture
 def zeros(ros: RosClient, config: BridgeConfig) -> Iterator[Zeros]:
     with ros.listen(DRIVE, Twist) as inbox:
-        yield Zeros(inbox, watchdog_name(config.robot_id))
-
-
-class Zeros:
-    """Messages on the drive topic, by publisher."""
-
-    def __init__(self, inbox: Inbox, watchdog: str) -> None:
-        self._inbox = inbox
-        self._watchdog = watchdog
-
-    def of_the_watchdog(self, count: int = 5) -> None:
-        """Wait for this number of new zeros from the watchdog."""
-        self._inbox.drain()
-        for _ in range(count):
-            self._inbox.until(lambda message: _caller(message) == self._watchdog and _still(message))
-
-    def end(self) -> None:
-        """Wait until the watchdog has published nothing for 0.5 s."""
-
-        def quiet() -> bool:
-            time.sleep(0.5)
-            return not any(_caller(message) == self._watchdog for message in self._inbox.drain())
-
-        self._inbox.drain()
-        until(quiet, "the watchdog to be quiet")
-
-    def none_but_zeros(self) -> bool:
-        """True if bridge and watchdog published only zeros."""
-        ours = (BRIDGE, self._watchdog)
-        return all(_still(message) for message in self._inbox.drain() if _caller(message) in ours)
+        yield Zeros(inbox, watchdog_name(config.robot_id), _caller)
 
 
 def _caller(message: Any) -> str:
     caller: str = message._connection_header["callerid"]
     return caller
-
-
-def _still(message: Twist) -> bool:
-    return message.linear.x == message.linear.y == message.angular.z == 0.0
 
 
 @contextmanager

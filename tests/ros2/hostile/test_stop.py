@@ -4,6 +4,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,12 +12,12 @@ import pytest
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.watchdog_config import lane_path
-from tests.ros.bridge_support import Hand, drivable
+from tests.ros.bridge_support import Hand, drivable, guarded_bridge
 from tests.ros2.conftest import free_domain
 from tests.ros2.hostile.test_strangers import stranger
-from tests.ros2.side import needs_rclpy
-from tests.ros2.test_bridge import bridge, config, hand, robot  # noqa: F401
-from tests.ros2.test_simulator import Visitor
+from tests.ros2.side import Side, needs_rclpy
+from tests.sides.side import Ros2Side
+from tests.sides.visitor import Visitor
 
 pytestmark = needs_rclpy
 ZERO_S = 0.35  # from the press to the first zero that another process hears
@@ -49,31 +50,45 @@ def domain(role: str) -> Iterator[int]:
         yield found
 
 
-def test_a_press_stops_the_robot(role: str, domain: int, config: BridgeConfig, hand: Hand) -> None:  # noqa: F811
-    hand.state_until(drivable, "a robot that can be driven")
-    visitor = Visitor("tests.ros2.visitor", domain)
-    visitor.ask(listen="/key_vel", kind="geometry_msgs/Twist")
+@pytest.fixture
+def config(network: Ros2Side, tmp_path: Path) -> BridgeConfig:
+    """Of a robot with everything that a stop ends."""
+    return network.config(
+        tmp_path, "depth", "joint_states", "speech", "motions", "torso", "map", "navigation"
+    )
+
+
+@pytest.fixture
+def hand(network: Ros2Side, robot: Side, config: BridgeConfig, tmp_path: Path) -> Iterator[Hand]:
+    with guarded_bridge(config, network, tmp_path) as (_, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        yield hand
+
+
+def test_a_press_stops_the_robot(
+    role: str, domain: int, config: BridgeConfig, hand: Hand, visitor: Visitor
+) -> None:
     took = []
     with ExitStack() as stack:
-        stack.callback(visitor.close)
+        twists = stack.enter_context(visitor.listen("/key_vel", "geometry_msgs/Twist"))
         for words in STRANGERS[role]:
             side = stack.enter_context(stranger(domain, *words))
             side.await_line("done", lambda words: int(words[1]) >= DEEDS.get(role, 1))
         hand.take_control(1)
         for number in range(PRESSES):
             hand.drive_until(0.2, lambda state: state.odometry.vx > 0.02, "motion")
-            visitor.forget()
-            visitor.hear("/key_vel", lambda twist: twist["linear"]["x"] > 0.0)
+            twists.drain()
+            twists.until(lambda twist: twist.linear.x > 0.0)
             pressed_s = time.monotonic()
             press(hand, config, by_watchdog=bool(number % 2))
-            visitor.hear("/key_vel", lambda twist: not twist["linear"]["x"])
+            twists.until(lambda twist: not twist.linear.x)
             took.append(time.monotonic() - pressed_s)
             clear(hand, number)
     print(role, *(f"{one:.3f}" for one in took))
     assert max(took) < ZERO_S
 
 
-def press(hand: Hand, config: BridgeConfig, *, by_watchdog: bool) -> None:  # noqa: F811
+def press(hand: Hand, config: BridgeConfig, *, by_watchdog: bool) -> None:
     if not by_watchdog:
         hand.send(wire.LinkStop("ann", "enough"))
         return
@@ -82,7 +97,7 @@ def press(hand: Hand, config: BridgeConfig, *, by_watchdog: bool) -> None:  # no
         lane.send(wire.encode(wire.LinkStop("ann", "enough")))
 
 
-def clear(hand: Hand, number: int) -> None:  # noqa: F811
+def clear(hand: Hand, number: int) -> None:
     stopped: Any = hand.state_until(lambda state: state.stop.state == "stopped", "standstill")
     hand.stick(0.0)
     hand.send(wire.LinkClear("ann", stopped.stop.number, seq=number + 1))

@@ -52,7 +52,7 @@ def profile(*, kept: bool, sensor: bool = False) -> QoSProfile:
 class RclpyVisitor(Visitor):
     def join(self, name: str) -> None:
         rclpy.init()
-        self.node = rclpy.create_node(name)
+        self.node = rclpy.create_node(name, allow_undeclared_parameters=True)
         self._actions: dict[str, ActionClient] = {}
         self._names: dict[bytes, str] = {}
         threading.Thread(target=self._spin, daemon=True).start()

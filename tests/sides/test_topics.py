@@ -4,53 +4,42 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import closing
 from typing import Any
 
 import msgspec
 import psutil
 import pytest
-from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import String
 
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
+from tests.messages import Messages
 from tests.processes import until
-from tests.ros.bridge_support import BridgeProcess, Hand, tiago_config
-from tests.ros.support import Inbox
+from tests.ros.bridge_support import BridgeProcess, Hand, drivable
 
-ALLOWED = (
-    Allowed("publish", "/notes", "std_msgs/String"),
-    Allowed("publish", "/visit_pose", "geometry_msgs/PoseStamped"),
-)
+STRING, POSE = "std_msgs/String", "geometry_msgs/PoseStamped"
 ODOMETRY = "/mobile_base_controller/odom"
 
 _answer = msgspec.json.Decoder(wire.TopicAnswer)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def robot(ros, simulator):
-    return simulator(pose="3.8,2.2,0", seed=1)
-
-
 @pytest.fixture(scope="module")
-def bridge(rosmaster, robot, tmp_path_factory):
-    config = tiago_config(
-        rosmaster, tmp_path_factory.mktemp("topics"), allowed=ALLOWED, gate={"has_depth": False}
+def bridge(side, robot, tmp_path_factory):
+    allowed = (
+        Allowed("publish", "/notes", side.type(STRING)),
+        Allowed("publish", "/visit_pose", side.type(POSE)),
     )
-    process = BridgeProcess(config, rosmaster, tmp_path_factory.mktemp("bridge"))
+    config = side.config(tmp_path_factory.mktemp("topics"), "motions", allowed=allowed)
+    process = BridgeProcess(config, side, tmp_path_factory.mktemp("bridge"))
     yield process
     process.stop()
 
 
 @pytest.fixture
 def hand(bridge):
-    hand = bridge.link()
-    hand.state_until(
-        lambda state: state.phase == "online" and all(sensor.ok for sensor in state.sensors), "a robot"
-    )
-    yield hand
-    hand.send(wire.LinkSubscribe({}))
-    hand.close()
+    with closing(bridge.link()) as hand:
+        hand.state_until(drivable, "a robot that can be driven")
+        yield hand
 
 
 @pytest.fixture
@@ -94,7 +83,7 @@ def shown(hand: Hand, topic: str) -> wire.Sample:
     return msgspec.json.decode(seen.sample, type=wire.Sample)
 
 
-def falls_silent(inbox: Inbox) -> None:
+def falls_silent(inbox: Messages) -> None:
     """Check that no more messages come. Some may still be on the way."""
     inbox.drain()
     with pytest.raises(AssertionError, match="nothing on"):
@@ -102,52 +91,52 @@ def falls_silent(inbox: Inbox) -> None:
             inbox.next(0.3)
 
 
-def test_topics_are_listed_and_shown_on_every_link(bridge, hand):
-    assert ODOMETRY in {row.name for row in ask(hand, wire.ListTopics()).topics}
-    other = bridge.link()
-    for link in (hand, other):
-        link.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
-    for link in (hand, other):
-        assert shown(link, ODOMETRY).fields["header"]["frame_id"] == "odom"
-    other.close()
+def test_topics_and_actions_are_listed_and_shown_on_every_link(side, bridge, hand):
+    graph, motions = ask(hand, wire.ListTopics()), side.topics.motions
+    assert ODOMETRY in {row.name for row in graph.topics}
+    assert wire.ActionRow(motions.name, motions.type) in graph.actions
+    assert not [row.name for row in graph.services if "/_action/" in row.name]
+    with closing(bridge.link()) as other:
+        for link in (hand, other):
+            link.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
+        for link in (hand, other):
+            assert shown(link, ODOMETRY).fields["header"]["frame_id"] == "odom"
 
 
-def test_the_holder_publishes_by_allow_list_recorded(bridge, holder, ros):
+def test_the_holder_publishes_by_allow_list_recorded(bridge, holder, side, visitor):
     fence = holder.fence
-    with ros.listen("/notes", String) as notes, ros.listen("/visit_pose", PoseStamped) as poses:
-        note = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "hello"}, seq=101)
+    with visitor.listen("/notes", STRING) as notes, visitor.listen("/visit_pose", POSE) as poses:
+        note = wire.Publish(fence, "/notes", side.type(STRING), {"data": "hello"}, seq=101)
         assert holder.ask(note) is None
         assert notes.next().data == "hello"
         assert any(line.startswith("publish.start /notes") for line in bridge.recorded())
-        pose = wire.Publish(
-            fence, "/visit_pose", "geometry_msgs/PoseStamped", {"pose.position.x": 2}, 20.0, seq=102
-        )
+        pose = wire.Publish(fence, "/visit_pose", side.type(POSE), {"pose.position.x": 2}, 20.0, seq=102)
         assert holder.ask(pose) is None
         assert poses.next().pose.position.x == 2.0
         publishing = holder.state_until(lambda state: state.publishing, "a publishing").publishing
-        assert publishing == [wire.Publishing("/visit_pose", "geometry_msgs/PoseStamped", 20.0)]
+        assert publishing == [wire.Publishing("/visit_pose", side.type(POSE), 20.0)]
         assert holder.ask(wire.PublishStop(fence, "/visit_pose", seq=103)) is None
         holder.state_until(lambda state: not state.publishing, "its end")
 
 
-def test_forbidden_messages_are_refused_before_recording(bridge, holder):
+def test_forbidden_messages_are_refused_before_recording(bridge, holder, side):
     fence = holder.fence
     before = bridge.records.read_text()
-    bad = wire.Publish(fence, "/notes", "std_msgs/String", {"data": 5}, seq=111)
+    bad = wire.Publish(fence, "/notes", side.type(STRING), {"data": 5}, seq=111)
     assert holder.ask(bad).figures == {"path": "data"}
-    other = wire.Publish(fence, "/diary", "std_msgs/String", {}, seq=112)
+    other = wire.Publish(fence, "/diary", side.type(STRING), {}, seq=112)
     assert holder.ask(other).code == "not_allowed"
-    around = wire.Publish(fence, "/nav_vel", "geometry_msgs/Twist", {}, seq=113)
+    around = wire.Publish(fence, "/nav_vel", side.type("geometry_msgs/Twist"), {}, seq=113)
     assert holder.ask(around).code == "around_the_gate"
-    old = wire.Publish(1, "/notes", "std_msgs/String", {}, seq=114)
+    old = wire.Publish(1, "/notes", side.type(STRING), {}, seq=114)
     assert holder.ask(old) is not None
     assert bridge.records.read_text() == before
 
 
-def test_an_emergency_stop_ends_publishing(bridge, holder, ros):
+def test_an_emergency_stop_ends_publishing(bridge, holder, side, visitor):
     fence = holder.fence
-    with ros.listen("/notes", String) as notes:
-        order = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=121)
+    with visitor.listen("/notes", STRING) as notes:
+        order = wire.Publish(fence, "/notes", side.type(STRING), {"data": "on"}, 50.0, seq=121)
         assert holder.ask(order) is None
         notes.next()
         holder.send(wire.LinkStop("Ann", seq=122))
@@ -160,9 +149,9 @@ def test_an_emergency_stop_ends_publishing(bridge, holder, ros):
     holder.until(lambda report: isinstance(report, wire.Stopped) and report.seq == 123, "a clear")
 
 
-def test_a_dead_inspector_is_replaced_without_publishing(bridge, holder, ros):
-    with ros.listen("/notes", String) as notes:
-        order = wire.Publish(holder.fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=131)
+def test_a_dead_inspector_is_replaced_without_publishing(bridge, holder, side, visitor):
+    with visitor.listen("/notes", STRING) as notes:
+        order = wire.Publish(holder.fence, "/notes", side.type(STRING), {"data": "on"}, 50.0, seq=131)
         holder.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
         assert holder.ask(order) is None
         notes.next()
@@ -177,13 +166,11 @@ def test_a_dead_inspector_is_replaced_without_publishing(bridge, holder, ros):
     assert "publish.end inspector_ended" in bridge.records.read_text()
 
 
-def test_a_bridge_that_is_killed_takes_its_inspector_along(rosmaster, tmp_path):
-    process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
-    hand = process.link()
+@pytest.mark.last
+def test_a_bridge_that_is_killed_takes_its_inspector_along(bridge, hand):
     hand.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
     shown(hand, ODOMETRY)
-    inspector = inspector_of(process)
-    process.kill()
+    inspector = inspector_of(bridge)
+    bridge.kill()
     hand.close()
     until(lambda: ended(inspector), "the end of the inspector")
-    process.stop()

@@ -7,17 +7,15 @@ import math
 import time
 
 import pytest
-from actionlib_msgs.msg import GoalID, GoalStatusArray
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from move_base_msgs.msg import MoveBaseActionGoal
-from nav_msgs.msg import Path
 
 from robots.shared import wire
 from tests.processes import until
-from tests.ros.navigation.conftest import NAVIGATION, pause, place, speed
+from tests.sides.navigation.traveller import FAR, pause, speed
+from tests.sides.visitor import place
 
-FAR = (8.0, 2.0)
 OUTSIDE, WALL = (60.0, 1.8), (2.0, 3.5)
+PATH = "nav_msgs/Path"
+POSE = "geometry_msgs/PoseWithCovarianceStamped"
 
 
 def is_zero(twist) -> bool:
@@ -54,24 +52,12 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
     assert [kind for kind in recorded[last:] if kind != "map"][:3] == ["go.start", "drive.start", "go.end"]
 
 
-def plan(count: int, y: float) -> Path:
-    """Return a path of `count` poses, 2.5 cm apart."""
-    message = Path()
-    message.header.frame_id = "map"
-    for number in range(count):
-        pose = PoseStamped()
-        pose.header.frame_id = "map"
-        pose.pose.position.x, pose.pose.position.y = 0.025 * number, y
-        message.poses.append(pose)
-    return message
-
-
-def test_a_long_path_is_shown(ros, traveller):
-    with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
-        traveller.go_away()
-        traveller.drives()
-        plans.publish(plan(5000, 7.0))
-        shows(traveller, 7.0)
+def plan(count: int, y: float):
+    """Return the poses of a path, 2.5 cm apart."""
+    header = {"frame_id": "map"}
+    return [
+        {"header": header, "pose": {"position": {"x": 0.025 * number, "y": y}}} for number in range(count)
+    ]
 
 
 def shows(traveller, y: float) -> None:
@@ -81,12 +67,20 @@ def shows(traveller, y: float) -> None:
     traveller.hand.until(shown, "the path")
 
 
-def test_the_last_of_paths_in_quick_succession_is_shown(ros, traveller):
-    with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
+def test_a_long_path_is_shown(side, visitor, traveller):
+    with visitor.speak(side.topics.navigation.plan, PATH, kept=True) as plans, traveller.renewing():
+        traveller.go_away()
+        traveller.drives()
+        plans.publish(header={"frame_id": "map"}, poses=plan(5000, 7.0))
+        shows(traveller, 7.0)
+
+
+def test_the_last_of_paths_in_quick_succession_is_shown(side, visitor, traveller):
+    with visitor.speak(side.topics.navigation.plan, PATH, kept=True) as plans, traveller.renewing():
         traveller.go_away()
         traveller.drives()
         for y in (1.0, 2.0, 3.0, 4.0):
-            plans.publish(plan(10, y))
+            plans.publish(header={"frame_id": "map"}, poses=plan(10, y))
             time.sleep(0.1)
         shows(traveller, 4.0)
 
@@ -173,26 +167,9 @@ def test_goals_that_make_no_sense_are_refused_in_words(traveller):
     assert speed(traveller.hand.state) < 0.01
 
 
-def test_what_navigation_says_is_passed_on(traveller, fault):
-    fault("navigation_fails")
-    end = traveller.ended(traveller.go_away())
-    assert end.outcome == "failed"
-    assert end.text == (
-        "Navigation said: Failed to find a valid plan. Even after executing recovery behaviors."
-    )
-
-
 def test_navigation_that_never_answers_is_given_up(traveller, fault):
     fault("navigation_silent")
     assert traveller.ended(traveller.go_away()).outcome == "unheard"
-
-
-def test_an_answer_for_another_goal_ends_it(traveller, truth, fault):
-    x, y, _ = place(truth)
-    fault("navigation_answers_another")
-    end = traveller.ended(traveller.go(x, y, 0.0))
-    assert end.outcome == "answered_another"
-    traveller.stands()
 
 
 def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
@@ -251,10 +228,10 @@ def test_localisation_that_jumps_ends_it(traveller, fault):
     traveller.stands()
 
 
-def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(ros, traveller, truth):
+def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(visitor, traveller, truth):
     x, y, heading = place(truth)
-    with ros.listen("/initialpose", PoseWithCovarianceStamped) as poses:
-        ros.connected(poses)
+    with visitor.listen("/initialpose", POSE) as poses:
+        visitor.connected(poses)
         heard: list = []
         numbers = itertools.count(960)
 
@@ -271,39 +248,31 @@ def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(ros, traveller,
         lambda state: state.location.sigma_m == pytest.approx(0.5), "the uncertainty of a set pose"
     )
     assert any(line.startswith("pose.set") for line in traveller.process.recorded())
-    with ros.speak("/amcl_pose", PoseWithCovarianceStamped) as publisher:
-        uncertain = PoseWithCovarianceStamped()
-        uncertain.header.frame_id = "map"
-        uncertain.pose.pose.position.x, uncertain.pose.pose.position.y = x, y
-        uncertain.pose.pose.orientation.w = 1.0
-        uncertain.pose.covariance = [4.0] + [0.0] * 6 + [1.0] + [0.0] * 28
-        publisher.publish(uncertain)
+    with visitor.speak("/amcl_pose", POSE, kept=True) as publisher:
+        here = {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}}
+        doubtful = {"pose": here, "covariance": [4.0] + [0.0] * 6 + [1.0] + [0.0] * 28}
+        publisher.publish(header={"frame_id": "map"}, pose=doubtful)
         state = traveller.until(lambda state: state.location.sigma_m > 1.9, "a great uncertainty")
     assert (state.location.sigma_m, state.location.sigma_across_m) == (2.0, 1.0)
     pause(traveller, 3.0)
     assert traveller.refused(*FAR).code == "localisation_uncertain"
 
 
-def test_others_goals_and_a_goal_of_others_meanwhile(ros, traveller):
-    with (
-        ros.speak("/move_base/goal", MoveBaseActionGoal) as goals,
-        ros.speak("/move_base/cancel", GoalID) as cancels,
-        ros.listen("/move_base/status", GoalStatusArray) as statuses,
-    ):
-        goal = MoveBaseActionGoal()
-        goal.goal_id.id = "lab"
-        goal.goal.target_pose.header.frame_id = "map"
-        goal.goal.target_pose.pose.orientation.w = 1.0
-        seq = traveller.go_away()
-        goal.goal.target_pose.pose.position.x, goal.goal.target_pose.pose.position.y = traveller.goal
-        traveller.drives()
-        goals.publish(goal)
-        end = traveller.ended(seq)
-        assert end.outcome == "intruder" and "another goal" in end.text
-        statuses.until(
-            lambda message: any(s.goal_id.id == "lab" and s.status == 1 for s in message.status_list)
-        )
-        traveller.until(lambda state: speed(state) < 0.01, "a robot that stands: zeros have priority")
-        assert traveller.refused(*FAR).code == "navigation_busy"
-        cancels.publish(GoalID(id="lab"))
-        statuses.until(lambda message: all(s.status != 1 for s in message.status_list))
+def test_others_goals_and_a_goal_of_others_meanwhile(side, visitor, traveller, rests):
+    seq = traveller.go_away()
+    x, y = traveller.goal
+    traveller.drives()
+    navigation, field = side.topics.navigation, "target_pose" if side.number == 1 else "pose"
+    target = {
+        "header": {"frame_id": "map"},
+        "pose": {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}},
+    }
+    others = visitor.goal(navigation.action, navigation.type, **{field: target})
+    assert others.accepted()
+    end = traveller.ended(seq)
+    assert end.outcome == "intruder" and "another goal" in end.text
+    traveller.until(lambda state: speed(state) < 0.01, "a robot that stands: zeros have priority")
+    assert traveller.refused(*FAR).code == "navigation_busy"
+    visitor.cancel(navigation.action)
+    assert others.ended()[0] == "canceled"
+    rests()

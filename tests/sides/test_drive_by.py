@@ -1,4 +1,4 @@
-"""Drives by a distance and by an angle, with a real master and a simulated TIAGo."""
+"""Drives by a distance and by an angle."""
 
 from __future__ import annotations
 
@@ -7,32 +7,22 @@ import math
 import time
 
 import pytest
-from geometry_msgs.msg import Pose2D, Twist
-from nav_msgs.msg import Odometry
 
 from robots.bridge.drive.drive_by import CONFIRMED_S
 from robots.shared import wire
 from tests.processes import until
-from tests.ros.bridge_support import drivable, renewing, running_bridge, tiago_config
+from tests.ros.bridge_support import drivable, renewing, running_bridge
+from tests.sides.visitor import place
 
 _numbers = itertools.count(1)
-START = Pose2D(3.4, 1.8, 0.0)
+START = (3.4, 1.8, 0.0)
 WALL_Y_M = 3.5  # north of there
-TRUTH = "/ground_truth/pose"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def robot(ros, simulator):
-    return simulator(pose="3.4,1.8,0", seed=1, drift=0)
 
 
 @pytest.fixture
-def bridge(ros, rosmaster, robot, tmp_path):
+def bridge(side, robot, config, visitor, tmp_path):
     """A bridge, and the holder of control: a program without a stick. It has seen no other place than the start."""
-    with (
-        ros.at(START),
-        running_bridge(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path) as (process, hand),
-    ):
+    with visitor.at(*START), running_bridge(config, side, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()
@@ -73,20 +63,13 @@ def ended(hand, seq: int) -> wire.DriveByEnd:
     return end
 
 
-def place(inbox) -> tuple[float, float, float]:
-    """Return the robot's true pose now."""
-    inbox.settle()
-    pose = inbox.next().pose.pose
-    return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
-
-
-def is_zero(twist: Twist) -> bool:
+def is_zero(twist) -> bool:
     return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
 
 
-def test_a_metre_a_quarter_turn_and_up_to_a_wall(ros, bridge):
+def test_a_metre_a_quarter_turn_and_up_to_a_wall(visitor, bridge):
     process, hand = bridge
-    with ros.listen(TRUTH, Odometry) as truth:
+    with visitor.listen("/ground_truth/pose", "nav_msgs/Odometry") as truth:
         x, y, _ = place(truth)
         end = ended(hand, begun(hand, distance_m=1.0))
         assert end.outcome == "done"
@@ -117,10 +100,10 @@ def test_a_metre_a_quarter_turn_and_up_to_a_wall(ros, bridge):
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_an_observer_sees_zeros_after_a_stop(ros, bridge, direction):
+def test_an_observer_sees_zeros_after_a_stop(visitor, bridge, direction):
     process, hand = bridge
-    with ros.listen("/key_vel", Twist) as twists:
-        ros.connected(twists)
+    with visitor.listen("/key_vel", "geometry_msgs/Twist") as twists:
+        visitor.connected(twists)
         seq = begun(hand, angle_rad=direction * math.tau, speed_radps=0.5)
         with renewing(lambda: renew(hand)):
             twists.until(lambda twist: twist.angular.z * direction > 0.3)
@@ -136,10 +119,10 @@ def test_an_observer_sees_zeros_after_a_stop(ros, bridge, direction):
     until(lambda: "drive.by stopped" in process.recorded(), "its end on record")
 
 
-def test_the_stick_takes_over_and_a_closed_link_stops_it(ros, bridge):
+def test_the_stick_takes_over_and_a_closed_link_stops_it(visitor, bridge):
     process, hand = bridge
-    with ros.listen("/key_vel", Twist) as twists:
-        ros.connected(twists)
+    with visitor.listen("/key_vel", "geometry_msgs/Twist") as twists:
+        visitor.connected(twists)
         seq = begun(hand, angle_rad=math.tau, speed_radps=0.5)
         driving(hand, 0.5)
         hand.stick(0.0, 0.0)
@@ -161,7 +144,7 @@ def test_the_stick_takes_over_and_a_closed_link_stops_it(ros, bridge):
     until(lambda: "drive.by control_lost" in process.recorded(), "its end on record")
 
 
-def test_an_unconfirmed_program_stops_before_its_grant_ends(ros, bridge):
+def test_an_unconfirmed_program_stops_before_its_grant_ends(bridge):
     _, hand = bridge
     seq = begun(hand, angle_rad=math.tau, speed_radps=0.3)
     end = hand.state_until(

@@ -1,0 +1,1 @@
+"""Drives to places by the robot's own navigation."""
