@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager
 from typing import Any
 
 import pytest
@@ -16,11 +16,13 @@ from robots.shared.graph import INSPECTOR
 from tests.inspector_process import InspectorProcess
 from tests.processes import PATIENCE_S, until
 from tests.sides.side import Side
-from tests.sides.visitor import Speaker, Visitor
+from tests.sides.visitor import Requests, Speaker, Visitor
 
 STRING, POSE, TWIST = "std_msgs/String", "geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped"
 SWITCH, TRIGGER = "std_srvs/SetBool", "std_srvs/Trigger"
 NODE = "/visitor"  # has the parameters
+
+Serving = Callable[..., AbstractContextManager[Requests]]
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +73,24 @@ def kept(visitor: Visitor, topic: str, kind: str, **fields: Any) -> Iterator[Spe
     with visitor.speak(topic, kind, listeners=0, kept=True) as speaker:
         speaker.publish(**fields)
         yield speaker
+
+
+@pytest.fixture
+def serving(side: Side, visitor: Visitor, inspector: InspectorProcess) -> Serving:
+    """``with serving(name, kind, **answer)``: a service that the inspector has found; yields its requests."""
+
+    @contextmanager
+    def serve(name: str, kind: str, **answer: Any) -> Iterator[Requests]:
+        def types() -> dict[str, str]:
+            found: dict[str, str] = inspector.ask(wire.ListServiceTypes([name])).types
+            return found
+
+        with visitor.serve(name, kind, **answer) as requests:
+            until(lambda: types() == {name: side.service_type(kind)}, f"the service {name}")
+            yield requests
+        until(lambda: not types(), f"the end of {name}")
+
+    return serve
 
 
 # --- the live view ------------------------------------------------------------------------------------
@@ -213,9 +233,9 @@ def test_without_viewers_no_topic_is_subscribed(inspector: InspectorProcess, vis
 
 
 def test_the_graph_has_topics_types_nodes_but_no_inspector(
-    side: Side, inspector: InspectorProcess, visitor: Visitor
+    side: Side, inspector: InspectorProcess, visitor: Visitor, serving: Serving
 ) -> None:
-    with talking(visitor, "/ask/pose", POSE), visitor.serve("/lamp", SWITCH):
+    with talking(visitor, "/ask/pose", POSE), serving("/lamp", SWITCH):
         inspector.subscribe(**{"ask/pose": 1.0, "ask/nobody": 1.0})
         inspector.shown("/ask/pose", lambda s: s.number)
         graph = inspector.ask(wire.ListTopics(seq=3))
@@ -296,9 +316,9 @@ def test_a_parameter_is_set_and_deleted_only_from_the_allow_list(
 
 
 def test_a_service_is_described_and_called_by_allow_list(
-    inspector: InspectorProcess, visitor: Visitor
+    inspector: InspectorProcess, serving: Serving
 ) -> None:
-    with visitor.serve("/lamp", SWITCH, success=True, message="on") as requests:
+    with serving("/lamp", SWITCH, success=True, message="on") as requests:
         (field,) = inspector.ask(wire.DescribeService("/lamp")).fields
         assert field.name == "data" and field.type in ("bool", "boolean")
         called = inspector.ask(wire.CallService("/lamp", {"data": True}, seq=9))
@@ -306,29 +326,29 @@ def test_a_service_is_described_and_called_by_allow_list(
         assert requests.next().data is True
         bad = inspector.ask(wire.CallService("/lamp", {"data": "bright"})).refusal
         assert (bad.code, bad.figures) == ("bad_field", {"path": "data"})
-    with visitor.serve("/door", SWITCH):
+    with serving("/door", SWITCH):
         assert inspector.ask(wire.CallService("/door", {"data": True})).refusal.code == "not_allowed"
 
 
 def test_another_service_of_that_name_is_not_called(
-    side: Side, inspector: InspectorProcess, visitor: Visitor
+    side: Side, inspector: InspectorProcess, serving: Serving
 ) -> None:
-    with visitor.serve("/lamp", TRIGGER):
+    with serving("/lamp", TRIGGER):
         refusal = inspector.ask(wire.CallService("/lamp")).refusal
     assert (refusal.code, refusal.figures["type"]) == ("not_allowed", side.service_type(TRIGGER))
 
 
-def test_a_whole_answer_is_not_shortened(inspector: InspectorProcess, visitor: Visitor) -> None:
-    with visitor.serve("/slow", TRIGGER, message="y" * 3000):
+def test_a_whole_answer_is_not_shortened(inspector: InspectorProcess, serving: Serving) -> None:
+    with serving("/slow", TRIGGER, message="y" * 3000):
         assert len(inspector.ask(wire.CallService("/slow")).fields["message"]) < 3000
         assert inspector.ask(wire.CallService("/slow", whole=True)).fields["message"] == "y" * 3000
 
 
 def test_services_have_types_and_types_have_requests_and_responses(
-    side: Side, inspector: InspectorProcess, visitor: Visitor
+    side: Side, inspector: InspectorProcess, serving: Serving
 ) -> None:
     kind = side.service_type(SWITCH)
-    with visitor.serve("/lamp", SWITCH):
+    with serving("/lamp", SWITCH):
         types = inspector.ask(wire.ListServiceTypes(["/lamp", "/nobody"])).types
         assert types == {"/lamp": kind}
         assert inspector.ask(wire.ListServiceTypes()).types["/lamp"] == kind

@@ -172,7 +172,7 @@ def test_navigation_that_never_answers_is_given_up(traveller, fault):
     assert traveller.ended(traveller.go_away()).outcome == "unheard"
 
 
-def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
+def test_navigation_that_goes_on_is_held(traveller, truth, twists, fault):
     fault("navigation_goes_on")
     seq = traveller.go_away()
     traveller.drives()
