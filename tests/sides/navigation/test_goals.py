@@ -258,7 +258,7 @@ def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(visitor, travel
     assert traveller.refused(*FAR).code == "localisation_uncertain"
 
 
-def test_others_goals_and_a_goal_of_others_meanwhile(side, visitor, traveller, rests):
+def test_others_goals_and_a_goal_of_others_meanwhile(side, visitor, traveller):
     seq = traveller.go_away()
     x, y = traveller.goal
     traveller.drives()
@@ -276,4 +276,3 @@ def test_others_goals_and_a_goal_of_others_meanwhile(side, visitor, traveller, r
     assert traveller.refused(*FAR).code == "navigation_busy"
     visitor.cancel(navigation.action)
     assert others.ended()[0] == "canceled"
-    rests()
