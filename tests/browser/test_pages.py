@@ -545,12 +545,20 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_the_menu_stays_in_the_header_beside_a_long_battery_text(
+def test_the_header_has_badge_and_menu_beside_a_long_battery_text(
     person: Arrive, width: int, height: int
 ) -> None:
     """Regression: the menu moved to a second line of the header and opened over the stop."""
     observer = person("observer", width=width, height=height)
     observer.watch("tiago-2")
+    badge = observer.page.locator(".robot-name .badge")
+    expect(badge).to_be_visible()
+    assert badge.evaluate(
+        """(badge) => {
+            const { bottom } = document.querySelector(".back").getBoundingClientRect();
+            return badge.scrollWidth <= badge.clientWidth + 1 && badge.getBoundingClientRect().bottom <= bottom + 6;
+        }"""
+    )
     lower = observer.page.evaluate(
         """() => {
             const top = (selector) => document.querySelector(selector).getBoundingClientRect().top;

@@ -33,6 +33,7 @@ def operator(tmp_path: Path, browser: Browser) -> Iterator[Person]:
 def test_it_is_driven_heard_sent_and_stopped_like_the_others(operator: Person) -> None:
     operator.take(ROBOT.slug)
     expect(operator.page.get_by_text("ROS 2")).to_have_count(1)
+    expect(operator.page.get_by_text("ROS 2")).to_be_visible()
     fingers = Fingers(operator)
     waves_and_speaks(operator)
     brakes_before_the_leg(operator, fingers)
