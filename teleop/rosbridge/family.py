@@ -111,6 +111,9 @@ class Family:
         """
         return False
 
+    async def subscribed(self, topic: str) -> None:
+        """The client has subscribed to this topic."""
+
     def control_changed(self, control: Control) -> None:
         """Control of the robot changed, or who may take it."""
 

@@ -90,6 +90,8 @@ class Subscribing(Family):
         if (operation.queue_length or 0) > MOST_QUEUED:
             text = say("At most {most} messages of a topic wait for a client.", most=MOST_QUEUED)
             await self.client.status("warning", f"limited: {text}", operation.id)
+        for family in self.client.families:
+            await family.subscribed(name)
 
     def _read(self, name: str, topic: _Topic) -> Refusal | None:
         """Read a topic, new or with other subscriptions than before."""

@@ -157,6 +157,12 @@ class ActionGoals(Family):
             raise NotDone(_NO_GOAL)
         self._cancel_soon(named, operation)
 
+    async def subscribed(self, topic: str) -> None:
+        """Say that an action is there: clients of ROS 1 wait for a first status, which no topic of ROS 2 has."""
+        name = topic.removesuffix("/status")
+        if name != topic and name in self._actions:
+            await self._show(topic, {"header": _header(), "status_list": []})
+
     async def _published(self, goal: Goal, end: End | None) -> None:
         """Send the client messages as an action's server publishes them, with its own id."""
         status = _status(goal, end)

@@ -252,6 +252,8 @@ async def test_a_goal_on_the_topic_is_a_task_and_an_empty_cancel_ends_it(driver,
 async def test_a_goal_on_the_topic_gets_status_and_result_with_its_id(driver, bridge):
     for part in ("status", "result"):
         await driver.send("subscribe", topic=f"/play_motion/{part}")
+    first = await driver.hears_op("publish", topic="/play_motion/status")
+    assert first["msg"]["status_list"] == []  # clients wait for it, and a robot with ROS 2 sends none
     goal = {"goal_id": {"id": "goal_1"}, "goal": {"motion_name": "wave"}}
     await driver.send("publish", topic="/play_motion/goal", msg=goal)
     active = await driver.hears_op("publish", topic="/play_motion/status")
