@@ -324,6 +324,16 @@ class Core:
         return RobotClock(None if simulated else self.reports.skew_s, simulated)
 
     @property
+    def stamps_ahead_s(self) -> float:
+        """Return how far ahead of our time the stamps of velocities must be: controllers compare them with their clock.
+
+        By our time, a controller whose clock is ahead would take none; one whose clock is behind would go on for as
+        long after the last one.
+        """
+        skew_s = self.reports.skew_s
+        return skew_s if skew_s is not None and abs(skew_s) > CLOCK_SKEW_S else 0.0
+
+    @property
     def in_use(self) -> bool:
         """Return whether somebody has control, or a stop is being carried out. Thread-safe."""
         return self.lease.current is not None or self.stop_state.state == "stopping"

@@ -16,6 +16,7 @@ class Faults:
     laser_dead: bool = False  # no scans
     laser_frozen: bool = False  # the same scan with the same stamp is repeated
     laser_nan: bool = False  # scans contain only nan
+    laser_ahead_s: float = 0.0  # its scans have the stamps of another clock
     sonar_dead: bool = False
     odom_dead: bool = False
     odom_frozen: bool = False
@@ -48,6 +49,7 @@ class Faults:
     diagnostics_dead: bool = False  # no diagnostics
     diagnostics_flood: bool = False  # 300 parts with new names and long texts, in each tick
     diagnostics_garbage: bool = False  # invalid levels, temperatures and names
+    clock_ahead_s: float = 0.0  # all stamps are of a clock that is set so much ahead
     command_delay_s: float = 0.0  # commands reach the controller late
     brake_share: float = 1.0  # of the controller's nominal deceleration
     slip_share: float = 0.0  # share of the wheels' path that the robot does not travel

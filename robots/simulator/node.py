@@ -10,7 +10,7 @@ from functools import partial
 from typing import NamedTuple
 
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
-from robots.simulator.ros_side import RosSide, Stamp
+from robots.simulator.ros_side import NANO, RosSide, Stamp
 from robots.simulator.topics.base import BaseTopics
 from robots.simulator.topics.cameras.colour import CameraPublisher, head_camera, rear_camera
 from robots.simulator.topics.cameras.depth import DepthPublisher
@@ -109,7 +109,7 @@ class SimulatorNode:
         self._robot.tick(now)
         for step in self._servers:
             step(now)
-        stamp = self._ros.now()
+        stamp = self._ros.now() + round(self._robot.faults.clock_ahead_s * NANO)
         for duty in self._duties:
             if duty.due(self._tick):
                 duty.run(stamp)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 Stamp = int  # nanoseconds of the robot's clock
+NANO = 1_000_000_000  # of them in a second
 
 
 class Publisher(Protocol):

@@ -128,7 +128,9 @@ class RosBase:
         """Publish a twist if the drive topic is connected."""
         if self._drive is not None:
             twist = _twist(velocity)
-            publish(self._drive, _stamp(twist) if self._stamped else twist)
+            publish(
+                self._drive, _stamp(twist, self._reception.core.stamps_ahead_s) if self._stamped else twist
+            )
             if self._acknowledgements is not None:
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
@@ -410,9 +412,9 @@ def _twist(velocity: Velocity) -> Twist:
     return twist
 
 
-def _stamp(twist: Twist) -> TwistStamped:
+def _stamp(twist: Twist, ahead_s: float) -> TwistStamped:
     stamped = TwistStamped(twist=twist)
-    stamped.header.stamp = rospy.Time.from_sec(time.time())
+    stamped.header.stamp = rospy.Time.from_sec(time.time() + ahead_s)
     return stamped
 
 

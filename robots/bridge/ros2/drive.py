@@ -15,6 +15,7 @@ from robots.bridge.ros2.qos import DRIVE
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.geometry.poses import STILL, Velocity
 
+NANO = 1_000_000_000
 FLUSH_S = 0.1  # in which a message leaves
 
 TWISTS: dict[str, type[Any]] = {
@@ -46,15 +47,16 @@ _TWIST, _STAMPED = struct.Struct("<4s6d"), struct.Struct("<4siII4x6d")
 _MARK = b"\0\1\0\0"
 
 
-def velocity_bytes(kind: type[Any], velocity: Velocity) -> bytes:
+def velocity_bytes(kind: type[Any], velocity: Velocity, ahead_s: float = 0.0) -> bytes:
     """Return a message of this class as it is sent: rclpy would turn an object into these bytes, which takes longer.
 
-    A stamp is this computer's time: controllers refuse old ones.
+    A stamp is `ahead_s` of this computer's time: controllers refuse old ones.
     """
     x, y, turn = velocity
     if kind is Twist:
         return _TWIST.pack(_MARK, x, y, 0.0, 0.0, 0.0, turn)
-    return _STAMPED.pack(_MARK, *divmod(time.time_ns(), 1_000_000_000), 1, x, y, 0.0, 0.0, 0.0, turn)
+    stamp = divmod(time.time_ns() + int(ahead_s * NANO), NANO)
+    return _STAMPED.pack(_MARK, *stamp, 1, x, y, 0.0, 0.0, 0.0, turn)
 
 
 class Drives:

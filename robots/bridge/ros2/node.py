@@ -137,7 +137,7 @@ class RosBase:
         drive = self._drive
         if drive is not None:
             try:
-                drive.publish(velocity_bytes(drive.msg_type, velocity))
+                drive.publish(velocity_bytes(drive.msg_type, velocity, self._reception.core.stamps_ahead_s))
                 self.participant.read_soon()
             except InvalidHandle:  # its topic is being closed
                 log.warning("a velocity was not published: its topic is closed")

@@ -9,9 +9,7 @@ import rospy
 
 from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.ros.actions.goals import ActionGoals
-from robots.simulator.ros_side import Goals, Stamp
-
-NANO = 1_000_000_000
+from robots.simulator.ros_side import NANO, Goals, Stamp
 
 
 class TopicPublisher:

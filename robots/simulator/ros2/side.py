@@ -16,9 +16,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from robots.simulator.ros2.goals import ActionGoals
-from robots.simulator.ros_side import Goals, Stamp
+from robots.simulator.ros_side import NANO, Goals, Stamp
 
-NANO = 1_000_000_000
 REPAIRED = 10  # messages of which lost parts are sent again; with one, a busy computer never gets a large picture whole
 LISTENS = 100  # messages that wait where nobody asks for fewer
 

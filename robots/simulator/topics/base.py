@@ -64,7 +64,7 @@ class BaseTopics:
 
     def _commanded(self, message: Any) -> None:
         now = time.monotonic()
-        twist = self._velocities.read(message)
+        twist = self._velocities.read(message, self._robot.faults.clock_ahead_s)
         if twist is not None and all(map(math.isfinite, twist)):
             self._robot.command(twist, now)
         elif now - self._complained_s > COMPLAIN_S:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.simulator.robot import Robot
-from robots.simulator.ros_side import RosSide, Stamp
+from robots.simulator.ros_side import NANO, RosSide, Stamp
 from robots.simulator.sensors.sonar import Sonar
 
 ULTRASOUND = 0  # radiation_type of sensor_msgs/Range
@@ -35,7 +35,8 @@ class LaserTopics:
             return
         laser = self._robot.laser
         if self._last is None or not faults.laser_frozen:
-            self._last = stamp, laser.scan(self._robot.physics)
+            ahead = round(faults.laser_ahead_s * NANO)
+            self._last = stamp + ahead, laser.scan(self._robot.physics)
         stamp, ranges = self._last
         if faults.laser_nan:
             ranges = np.full_like(ranges, np.nan)

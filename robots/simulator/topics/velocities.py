@@ -26,11 +26,11 @@ class Velocities:
             return twist
         return self._ros.stamped(self._ros.new(self.kind, twist=twist), self._ros.now())
 
-    def read(self, message: Any) -> Twist | None:
-        """Return the velocity of a message; None: its stamp is too old."""
+    def read(self, message: Any, ahead_s: float = 0.0) -> Twist | None:
+        """Return the velocity of a message; None: by a clock that is so much ahead, its stamp is too old."""
         twist = message
         if self._stamped:
             twist = message.twist
-            if self._ros.now() * NANO - self._ros.seconds(message.header.stamp) > OLD_S:
+            if self._ros.now() * NANO + ahead_s - self._ros.seconds(message.header.stamp) > OLD_S:
                 return None
         return Twist(twist.linear.x, twist.linear.y, twist.angular.z)

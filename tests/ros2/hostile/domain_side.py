@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
@@ -351,6 +352,7 @@ def switch(participant: Participant) -> None:
     node, topics = participant.node, replace(CONFIG.topics, drive=DRIVE_TOPIC)
     base = RosBase(replace(CONFIG, ros=Ros2(DOMAIN, "localhost"), topics=topics))
     base.participant = participant
+    base._reception.core = SimpleNamespace(stamps_ahead_s=0.0)
     base._connect_drives()
     before, robot = heard_by("fleet_tap_1", Twist), heard_by("base", TwistStamped)
     until(base._drive.get_subscription_count, "that DDS connects the two")
