@@ -788,3 +788,12 @@ def test_state_says_why_memory_was_dropped_and_how_long_ago(bench):
     assert (said().number, said().code, said().ago_s) == (1, "odometry_restarted", 2.0)
     assert said().text == "The robot forgot what it saw before: its odometry or its ROS was restarted."
     assert bench.core.headline(bench.now_s) != before, "pages are told at once"
+
+
+@pytest.mark.parametrize(
+    ("skew_s", "ahead_s"), [(None, 0.0), (0.2, 0.0), (3600.0, 3600.0), (-3600.0, -3600.0)]
+)
+def test_velocities_get_stamps_of_a_clock_that_differs(bench, skew_s, ahead_s):
+    """By ours, a controller whose clock is behind would go on for as long after the last velocity."""
+    bench.core.reports.skew_s = skew_s
+    assert bench.core.stamps_ahead_s == ahead_s

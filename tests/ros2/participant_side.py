@@ -55,6 +55,7 @@ def main() -> None:
     print("asked", _is_asked(participant), flush=True)
     services = node.get_service_names_and_types_by_node(NAME, "/")
     print("services", *(name for name, _ in services), flush=True)
+    print("parameters", *node._parameters, flush=True)
     os._exit(0)
 
 
