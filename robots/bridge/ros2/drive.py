@@ -50,7 +50,7 @@ _MARK = b"\0\1\0\0"
 def velocity_bytes(kind: type[Any], velocity: Velocity, ahead_s: float = 0.0) -> bytes:
     """Return a message of this class as it is sent: rclpy would turn an object into these bytes, which takes longer.
 
-    A stamp is `ahead_s` of this computer's time: controllers refuse old ones.
+    A stamp is this computer's time and `ahead_s`: controllers refuse old ones.
     """
     x, y, turn = velocity
     if kind is Twist:
