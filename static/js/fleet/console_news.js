@@ -1,12 +1,12 @@
 /**
- * News of the console about the robots: first all, then those that changed. It says something every 0.4 s,
+ * News of the console about the robots: first all, then those that changed. It says something five times a second,
  * if only `beat`.
  */
 
 import { connectionFact } from "../control/status/status_text.js";
 import { mark, setText } from "../lib/dom.js";
 
-const STALE_MS = 1000;
+const STALE_MS = 500;
 const LOOK_MS = 100;
 
 export class ConsoleNews {

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 SLOW_S = 1.0  # between two updates when no important value changed
 FAST_S = 0.1  # between two messages, also when one changed
-BEAT_S = 0.4  # between two messages of any kind: pages look old after 1 s without one
+BEAT_S = 0.2  # between two messages of any kind: pages look old after 0.5 s without one
 SPREAD_S = 0.0002  # for each page: the loop must not send to hundreds of pages in one turn
 
 _BEAT = wire.encode(wire.Beat()).decode()
