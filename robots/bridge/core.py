@@ -324,14 +324,13 @@ class Core:
         return RobotClock(None if simulated else self.reports.skew_s, simulated)
 
     @property
-    def stamps_ahead_s(self) -> float:
-        """Return how far ahead of our time the stamps of velocities must be: controllers compare them with their clock.
+    def clocks_agree(self) -> bool:
+        """Return whether stamps of our time may go to the robot, as far as its odometry tells.
 
-        By our time, a controller whose clock is ahead would take none; one whose clock is behind would go on for as
-        long after the last one.
+        A controller whose clock is ahead would take no velocity; one whose clock is behind would go on for as long
+        after the last one.
         """
-        skew_s = self.reports.skew_s
-        return skew_s if skew_s is not None and abs(skew_s) > CLOCK_SKEW_S else 0.0
+        return abs(self.reports.skew_s or 0.0) <= CLOCK_SKEW_S
 
     @property
     def in_use(self) -> bool:

@@ -87,7 +87,8 @@ def _aliases(ros: Ros1, hosts: Path) -> dict[str, str]:
 
 def _ros2_environment(ros: Ros2) -> dict[str, str]:
     if ros.setup:
-        environment = distribution.variables(ros.setup)
+        given = distribution.variables(ros.setup)
+        environment = {name: value for name, value in given.items() if name not in NOT_INHERITED}
     elif wheels.READY.is_file():
         environment = wheels.ros_environment([wheels.MESSAGES, wheels.WHEELS])
         environment["PYTHONPATH"] = _without_ros(os.environ.get("PYTHONPATH", ""))

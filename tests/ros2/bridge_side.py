@@ -33,7 +33,7 @@ CONFIG = structs.replace(CONFIG, ros=Ros2(DOMAIN, SEARCH), topics=TOPICS, state_
 
 
 class Core(MagicMock):
-    needs_fresh_sensors, rests, stamps_ahead_s = True, False, 0.0
+    needs_fresh_sensors, rests, clocks_agree = True, False, True
 
     def ros_status(self, status, now_s):
         tell("status", status.phase, "|", status.text, "|", *status.foreign, "|", *status.problems)

@@ -46,7 +46,7 @@ from robots.bridge.ros.sensors.depth import DepthMessages, DepthTopics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
-from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish, stamped
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.configuration.robot_ros import ros1
@@ -128,9 +128,8 @@ class RosBase:
         """Publish a twist if the drive topic is connected."""
         if self._drive is not None:
             twist = _twist(velocity)
-            publish(
-                self._drive, _stamp(twist, self._reception.core.stamps_ahead_s) if self._stamped else twist
-            )
+            agree = self._reception.core.clocks_agree
+            publish(self._drive, stamped(twist, agree) if self._stamped else twist)
             if self._acknowledgements is not None:
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
@@ -410,12 +409,6 @@ def _twist(velocity: Velocity) -> Twist:
     twist = Twist()
     twist.linear.x, twist.linear.y, twist.angular.z = velocity
     return twist
-
-
-def _stamp(twist: Twist, ahead_s: float) -> TwistStamped:
-    stamped = TwistStamped(twist=twist)
-    stamped.header.stamp = rospy.Time.from_sec(time.time() + ahead_s)
-    return stamped
 
 
 def _host(uri: str) -> str:

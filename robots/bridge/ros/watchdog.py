@@ -17,7 +17,7 @@ from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.shutdown import refuse_shutdown
-from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish, stamped
 from robots.shared.configuration.robot_ros import ros1
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.ros.master import DeathWatch, Master, MasterError, node_alive
@@ -71,13 +71,12 @@ class WatchdogNode:
     def zero(self) -> int:
         """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
         twist = Twist()
-        message = TwistStamped(twist=twist) if self._stamped else twist
-        if self._stamped:
-            message.header.stamp = rospy.Time.from_sec(time.time())
+        messages = [stamped(twist, agree) for agree in (True, False)] if self._stamped else [twist]
         reached = 0
         for publisher in list(self._drives.values()):
             try:
-                publish(publisher, message)
+                for message in messages:  # one of them is taken by any clock
+                    publish(publisher, message)
             except rospy.ROSException as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)
             reached += len(heard_by(publisher))

@@ -47,16 +47,25 @@ _TWIST, _STAMPED = struct.Struct("<4s6d"), struct.Struct("<4siII4x6d")
 _MARK = b"\0\1\0\0"
 
 
-def velocity_bytes(kind: type[Any], velocity: Velocity, ahead_s: float = 0.0) -> bytes:
+def velocity_bytes(kind: type[Any], velocity: Velocity, clocks_agree: bool = True) -> bytes:
     """Return a message of this class as it is sent: rclpy would turn an object into these bytes, which takes longer.
 
-    A stamp is this computer's time and `ahead_s`: controllers refuse old ones.
+    A stamp is this computer's time: controllers refuse old ones. If the robot's clock differs, the stamp is zero: for
+    ros2_control that is the time of its own clock.
     """
     x, y, turn = velocity
     if kind is Twist:
         return _TWIST.pack(_MARK, x, y, 0.0, 0.0, 0.0, turn)
-    stamp = divmod(time.time_ns() + int(ahead_s * NANO), NANO)
+    stamp = divmod(time.time_ns(), NANO) if clocks_agree else (0, 0)
     return _STAMPED.pack(_MARK, *stamp, 1, x, y, 0.0, 0.0, 0.0, turn)
+
+
+def publish_still(publisher: Any) -> None:
+    """Publish a zero velocity that the robot takes by any clock: with a stamp of this computer's time, and of zero."""
+    kind = publisher.msg_type
+    publisher.publish(velocity_bytes(kind, STILL))
+    if kind is not Twist:
+        publisher.publish(velocity_bytes(kind, STILL, clocks_agree=False))
 
 
 class Drives:
@@ -78,7 +87,7 @@ class Drives:
         changed = [name for name, one in self.by_topic.items() if name in topics and kind_of(one) != kind]
         if changed and self.newest == STILL:
             for name in changed:
-                self.by_topic[name].publish(velocity_bytes(self.by_topic[name].msg_type, STILL))
+                publish_still(self.by_topic[name])
             time.sleep(FLUSH_S)
         if self.newest != STILL:
             changed = []

@@ -28,7 +28,7 @@ from robots.bridge.robot.tasks.speech import Voices
 from robots.bridge.robot.worker import Worker
 from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
-from robots.bridge.ros2.drive import FLUSH_S, Drives, velocity_bytes
+from robots.bridge.ros2.drive import FLUSH_S, Drives, publish_still, velocity_bytes
 from robots.bridge.ros2.followed import FollowedTopics
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
@@ -137,7 +137,7 @@ class RosBase:
         drive = self._drive
         if drive is not None:
             try:
-                drive.publish(velocity_bytes(drive.msg_type, velocity, self._reception.core.stamps_ahead_s))
+                drive.publish(velocity_bytes(drive.msg_type, velocity, self._reception.core.clocks_agree))
                 self.participant.read_soon()
             except InvalidHandle:  # its topic is being closed
                 log.warning("a velocity was not published: its topic is closed")
@@ -399,7 +399,7 @@ class RosBase:
             self._await_listener(publisher)
             missed = publisher is self._drive and self._drives.sent != sent
             if missed and self._drives.newest == STILL:
-                publisher.publish(velocity_bytes(publisher.msg_type, STILL))
+                publish_still(publisher)
 
     def _await_listener(self, publisher: Any) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""

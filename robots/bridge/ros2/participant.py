@@ -169,7 +169,9 @@ class Participant:
 
         @guarded
         def receive(raw: bytes, info: Any) -> None:
-            if not raw:  # DDS lost its data, as of large pictures in a hurry: no message has less than its mark
+            if (
+                not raw
+            ):  # DDS lost its data, as of large pictures in a hurry: no message has less than its mark
                 return
             if len(raw) > most:
                 complain_of_size(topic, len(raw), most)

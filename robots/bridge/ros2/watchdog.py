@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.exceptions import InvalidHandle
 
-from robots.bridge.ros2.drive import FLUSH_S, Drives, velocity_bytes
+from robots.bridge.ros2.drive import FLUSH_S, Drives, publish_still
 from robots.bridge.ros2.network.graph import Graph
 from robots.bridge.ros2.network.interfaces import Joined
 from robots.bridge.ros2.network.survey import Listeners, wanted_kind
@@ -19,7 +19,6 @@ from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.tasks.cancels import Cancels
 from robots.shared.configuration.robot_ros import ros2
 from robots.shared.configuration.watchdog_config import WatchdogConfig
-from robots.shared.geometry.poses import STILL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +66,7 @@ class WatchdogNode:
         reached = 0
         for name, publisher in list(self._drives.by_topic.items()):
             try:
-                publisher.publish(velocity_bytes(publisher.msg_type, STILL))
+                publish_still(publisher)
                 reached += self._listeners.of(name, publisher)
             except InvalidHandle as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)

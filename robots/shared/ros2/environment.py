@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
 MESSAGES = WHEELS / "messages"  # packages generated from definitions
 MULTICAST = "239.255.0.1"  # where nodes announce themselves
-# With static peers, they do so nowhere else: these are to be peers too.
+# With static peers, they do so nowhere else, so these addresses become peers too.
 _BESIDE_PEERS = {"subnet": (MULTICAST,), "localhost": ("127.0.0.1",), "off": ()}
 PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
 PROFILE_BEFORE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # until Jazzy
@@ -55,6 +55,7 @@ def domain_environment(
     """
     found = {"ROS_DOMAIN_ID": str(domain), "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
     found |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+    found["ROS_STATIC_PEERS"] = ""
     profile = ""
     if discovery != "subnet" and not peers:
         found["ROS_AUTOMATIC_DISCOVERY_RANGE"], profile = "SYSTEM_DEFAULT", "only_here"

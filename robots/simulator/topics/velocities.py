@@ -27,10 +27,14 @@ class Velocities:
         return self._ros.stamped(self._ros.new(self.kind, twist=twist), self._ros.now())
 
     def read(self, message: Any, ahead_s: float = 0.0) -> Twist | None:
-        """Return the velocity of a message; None: by a clock that is so much ahead, its stamp is too old."""
+        """Return the velocity of a message; None: by a clock that is so much ahead, its stamp is too old.
+
+        As for ros2_control, a stamp of zero is the present time.
+        """
         twist = message
         if self._stamped:
             twist = message.twist
-            if self._ros.now() * NANO + ahead_s - self._ros.seconds(message.header.stamp) > OLD_S:
+            stamp_s = self._ros.seconds(message.header.stamp)
+            if stamp_s and self._ros.now() * NANO + ahead_s - stamp_s > OLD_S:
                 return None
         return Twist(twist.linear.x, twist.linear.y, twist.angular.z)

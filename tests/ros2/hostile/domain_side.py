@@ -352,7 +352,7 @@ def switch(participant: Participant) -> None:
     node, topics = participant.node, replace(CONFIG.topics, drive=DRIVE_TOPIC)
     base = RosBase(replace(CONFIG, ros=Ros2(DOMAIN, "localhost"), topics=topics))
     base.participant = participant
-    base._reception.core = SimpleNamespace(stamps_ahead_s=0.0)
+    base._reception.core = SimpleNamespace(clocks_agree=True)
     base._connect_drives()
     before, robot = heard_by("fleet_tap_1", Twist), heard_by("base", TwistStamped)
     until(base._drive.get_subscription_count, "that DDS connects the two")

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rospy
+from geometry_msgs.msg import Twist, TwistStamped
 from rospy.core import is_shutdown_requested
 
 from robots.shared.graph import is_own
@@ -60,6 +61,14 @@ def publish(publisher: rospy.Publisher, message: Any) -> None:
     except rospy.ROSException:
         if not is_shutdown_requested():
             raise
+
+
+def stamped(twist: Twist, clocks_agree: bool) -> TwistStamped:
+    """Return a message with the time of this computer; if the robot's clock differs, with zero, which means now."""
+    message = TwistStamped(twist=twist)
+    if clocks_agree:
+        message.header.stamp = rospy.Time.from_sec(time.time())
+    return message
 
 
 class Sender(rospy.SubscribeListener):  # type: ignore[misc]

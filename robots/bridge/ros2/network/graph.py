@@ -7,8 +7,10 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robots.bridge.robot.network.velocity_sources import VELOCITIES
 from robots.shared.graph import SystemState, is_own
@@ -19,6 +21,14 @@ UNNAMED, NO_NAME = "_NODE_NAME_UNKNOWN_", "(unnamed)"  # what rclpy says, what p
 NAMED_S = 3.0  # until the name of a new node has come; a program that is no ROS node has none
 MOST_UNNAMED = 500
 GOAL, SEND_GOAL, SENT = "/goal", "/_action/send_goal", "_SendGoal"
+
+
+def is_valid(name: str) -> bool:
+    """Return whether rclpy takes this name of a topic or service: of strangers DDS lists any."""
+    try:
+        return bool(validate_full_topic_name(name))
+    except NameValidationException:
+        return False
 
 
 class Graph:
@@ -36,7 +46,7 @@ class Graph:
         """
         topics = self._node.get_topic_names_and_types()
         types = {cut(name, NAME): cut(kinds[0], NAME) for name, kinds in topics[:MOST_TOPICS] if kinds}
-        velocities = [name for name, kind in types.items() if kind in VELOCITIES]
+        velocities = [name for name, kind in types.items() if kind in VELOCITIES and is_valid(name)]
         looked_up = list(dict.fromkeys([*names, *velocities]))
         services = dict(_first(self._node.get_service_names_and_types))
         publishers, subscribers = {}, {}

@@ -14,6 +14,7 @@ from action_msgs.srv import CancelGoal
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
+from robots.bridge.ros2.network.graph import is_valid
 from robots.bridge.ros2.qos import CANCELS
 
 log = logging.getLogger(__name__)
@@ -82,7 +83,7 @@ class Cancels:
         try:
             self._follow()
         except Exception:  # what strangers call their services
-            log.exception("who serves actions cannot be read")
+            log.exception("the servers of actions cannot be read")
         now_s = time.monotonic()
         self._due_s = now_s + max(LOOK_S, (now_s - begin_s) / SHARE)
 
@@ -92,16 +93,15 @@ class Cancels:
         for client in gone.values():
             self._node.destroy_client(client)
         listed = self._node.get_service_names_and_types()
-        names = {
-            name.removesuffix(CANCEL) for name, kinds in listed if name.endswith(CANCEL) and KIND in kinds
-        }
+        cancels = [name for name, kinds in listed if name.endswith(CANCEL) and KIND in kinds]
+        names = {name.removesuffix(CANCEL) for name in cancels if is_valid(name)}
         new = [one for one in names if one.startswith(self._within)]
         new = [one for one in new if one not in self._found and one not in self._configured]
         random.shuffle(new)  # names without a server, of a stranger, must not always come first
         # A service is listed also if there is but a client, such as this one's
         served = [action for action in new[:MOST_LOOKED_UP] if self._is_served(action)]
         room = MOST_ACTIONS - len(self._found)
-        self.is_full = len(served) > room
+        self.is_full = len(served) > room or len(new) > MOST_LOOKED_UP
         for action in served[: min(room, MOST_MADE)]:
             self._found = {**self._found, action: cancel_client(self._node, action)}
 
