@@ -158,10 +158,14 @@ class ActionGoals(Family):
         self._cancel_soon(named, operation)
 
     async def subscribed(self, topic: str) -> None:
-        """Say that an action is there: clients of ROS 1 wait for a first status, which no topic of ROS 2 has."""
+        """Say that an action is there: clients of ROS 1 wait for a first status, which no topic of ROS 2 has.
+
+        It has this client's goals: one that is missing counts as lost.
+        """
         name = topic.removesuffix("/status")
         if name != topic and name in self._actions:
-            await self._show(topic, {"header": _header(), "status_list": []})
+            present = [_status(goal, None) for goal in self._goals.of(name)]
+            await self._show(topic, {"header": _header(), "status_list": present})
 
     async def _published(self, goal: Goal, end: End | None) -> None:
         """Send the client messages as an action's server publishes them, with its own id."""

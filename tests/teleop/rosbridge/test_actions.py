@@ -258,6 +258,10 @@ async def test_a_goal_on_the_topic_gets_status_and_result_with_its_id(driver, br
     await driver.send("publish", topic="/play_motion/goal", msg=goal)
     active = await driver.hears_op("publish", topic="/play_motion/status")
     await bridge.hears(wire.Play)
+    await driver.send("subscribe", topic="/play_motion/status", id="another")
+    again = await driver.hears_op("publish", topic="/play_motion/status")
+    # One that is missing counts as lost
+    assert again["msg"]["status_list"] == active["msg"]["status_list"]
     ended(bridge, 1, "failed")
     last = await driver.hears_op("publish", topic="/play_motion/status")
     result = await driver.hears_op("publish", topic="/play_motion/result")
