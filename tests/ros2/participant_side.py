@@ -56,12 +56,29 @@ def main() -> None:
     services = node.get_service_names_and_types_by_node(NAME, "/")
     print("services", *(name for name, _ in services), flush=True)
     print("parameters", *node._parameters, flush=True)
+    print("slow", _waits_from_the_request(participant), flush=True)
     os._exit(0)
 
 
 def _is_asked(participant: Participant) -> bool:
     try:
         participant.ask(ListParameters, "/list", ListParameters.Request(), PATIENCE_S)
+    except Unreachable:
+        return False
+    return True
+
+
+def _waits_from_the_request(participant: Participant) -> bool:
+    """Ask a service that was found just before patience ended, and takes a moment."""
+
+    def answered(_request: Any, answer: Any) -> Any:
+        time.sleep(0.2)
+        return answer
+
+    participant.node.create_service(ListParameters, "/slow", answered)
+    request, patience_s = ListParameters.Request(), 1.5
+    try:
+        participant.ask(ListParameters, "/slow", request, patience_s, before=lambda: time.sleep(patience_s))
     except Unreachable:
         return False
     return True

@@ -20,6 +20,7 @@ def test_unreadable_answers_end_nothing_and_two_servers_are_not_asked(domain: in
         assert side.await_line("services") == ["services", "/list"]  # none that a stranger could call
         parameters = {"use_sim_time", "start_type_description_service"}  # rclpy's own
         assert {*side.await_line("parameters")[1:]} == parameters
+        assert side.await_line("slow") == ["slow", "True"]  # patience counts from the request
     finally:
         side.close()
 

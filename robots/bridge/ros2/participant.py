@@ -206,6 +206,7 @@ class Participant:
     ) -> Any:
         """Call a service and return its answer. Raises `Unreachable`, or `Silent`. Not for the executor's thread.
 
+        `patience_s`: until the service must be found, and again from the request until it must have answered.
         `before` is called just before the request is sent. A service that several nodes serve is not asked: one of
         them may be a stranger.
         """
@@ -222,7 +223,7 @@ class Participant:
             before()
             answer = client.call_async(request)
             answer.add_done_callback(lambda _: answered.set())
-            if not answered.wait(max(until_s - time.monotonic(), LOOK_S)):
+            if not answered.wait(patience_s):
                 raise Silent(say("{service} does not answer", service=service))
             return answer.result()
         finally:
