@@ -89,8 +89,8 @@ class RawTopics:
 class RawTopic:
     """One topic. DDS connects equal types only, so the subscription follows the type of the first publisher.
 
-    `look` is called when `follow` should be, `closed` at the end; publishers of `ignored` nodes, which begin so, do not
-    count.
+    `look` is called when `follow` should be, `closed` at the end; nodes whose names begin with `ignored` do not count.
+    With `spares`, a flood of messages is thinned.
     """
 
     def __init__(
@@ -103,12 +103,14 @@ class RawTopic:
         look: Callable[[], None] = lambda: None,
         closed: Callable[[RawTopic], None] = lambda _: None,
         ignored: str | None = None,
+        spares: bool = True,
     ) -> None:
         self._participant = participant
         self._topic = topic
         self._take = take
         self._queue = queue
         self._look, self._closed, self._ignored = look, closed, ignored
+        self._spares = spares
         self._lock = threading.RLock()
         self._is_open = True
         self._due_s = 0.0
@@ -198,7 +200,7 @@ class RawTopic:
             return
         self._take(self._speaker_of(info.get("publisher_gid"), type_name), data)
         # DDS keeps the newest meanwhile: a flood costs as much as 1,000 messages a second
-        if now_s - self._came_s < OFTEN_S:
+        if self._spares and now_s - self._came_s < OFTEN_S:
             time.sleep(OFTEN_S)
         self._came_s = time.monotonic()
 

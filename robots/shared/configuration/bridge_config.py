@@ -18,7 +18,8 @@ from robots.shared.configuration.robot_ros import Ros, RosVersion
 from robots.shared.messages.type_names import in_ros2, is_action
 from robots.shared.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
-CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
+# A larger difference of the robot's and the console's clocks is reported, and the stamps of velocities follow it.
+CLOCK_SKEW_S = 0.5
 
 
 class Topic(Struct, frozen=True):

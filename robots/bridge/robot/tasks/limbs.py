@@ -51,15 +51,14 @@ class LimbReports:
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded.
 
-        A rejected goal may have no result (None), nor one whose result is lost.
+        A rejected goal, or one whose result is lost, may have none (None).
         """
         said = text
-        if result is None:
-            pass
-        elif self._source.is_command:
-            if outcome in {"succeeded", "failed"} and result.stalled and not result.reached_goal:
+        if result is not None and self._source.is_command:
+            has_stalled = result.stalled and not result.reached_goal
+            if has_stalled and outcome in {"succeeded", "failed"}:
                 outcome = "stalled"
-        else:
+        elif result is not None:
             said = text or cut(result.error_string, SENTENCE)
         self._mail.post(
             (self._source.action, "ended"),

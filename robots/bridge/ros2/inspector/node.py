@@ -60,7 +60,8 @@ class Source:
     def __init__(self, participant: Participant, topic: str, take: Callable[[Received], None]) -> None:
         self._take = take
         self._refusal: Refusal | None = None
-        self._topic = RawTopic(participant, topic, self._receive, QUEUE, ignored=INSPECTOR)
+        # It counts the messages, so that it takes them all
+        self._topic = RawTopic(participant, topic, self._receive, QUEUE, ignored=INSPECTOR, spares=False)
         self.talkers()
 
     def talkers(self) -> list[Talker]:
