@@ -16,14 +16,17 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from msgspec.structs import replace
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import String
 
 from robots.bridge.robot.board import BOARD
+from robots.bridge.ros2 import raw_topic
 from robots.bridge.ros2.drive import kind_of
 from robots.bridge.ros2.followed import FollowedTopics
+from robots.bridge.ros2.inspector.node import Source
 from robots.bridge.ros2.message_types import message_class
 from robots.bridge.ros2.network.graph import UNNAMED, Graph
 from robots.bridge.ros2.network.survey import Listeners, is_there, wanted_kind
@@ -31,6 +34,7 @@ from robots.bridge.ros2.node import RosBase
 from robots.bridge.ros2.participant import Participant
 from robots.bridge.ros2.qos import DRIVE, kept, pictures, sensor
 from robots.bridge.ros2.raw_topic import RawTopics
+from robots.bridge.ros2.tasks import actions as our_actions
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
 from robots.bridge.ros2.tasks.cancels import CANCEL, MOST_ACTIONS, Cancels
 from robots.shared.configuration.bridge_config import Topic, drive_topic
@@ -71,12 +75,15 @@ class Server:
     def __init__(self, times: int) -> None:
         self.node, kind = member("play_motion2"), message_class(KIND)
         self._times = times
+        self.cancelled: list[bool] = []  # whether it was the last goal
         services = {
             "send_goal": (kind.Impl.SendGoalService, self._accept),
             "get_result": (kind.Impl.GetResultService, self._answer),
+            "cancel_goal": (CancelGoal, self._cancel),
         }
         for name, (service, take) in services.items():
-            made = self.node.create_service(service, f"{ACTION}/_action/{name}", take)
+            group = ReentrantCallbackGroup()  # a result that never comes keeps no cancel away
+            made = self.node.create_service(service, f"{ACTION}/_action/{name}", take, callback_group=group)
             send = made.send_response
             made.send_response = lambda *answer, send=send: [send(*answer) for _ in range(times or 1)]
         self._status = self.node.create_publisher(
@@ -98,11 +105,15 @@ class Server:
         answer.accepted = True
         return answer
 
-    def says(self, status: int) -> None:
-        """Tell the status of the last goal."""
+    def _cancel(self, request: Any, answer: Any) -> Any:
+        self.cancelled.append(request.goal_info.goal_id == self._goal)
+        return answer
+
+    def says(self, status: int, instead: Any = None) -> None:
+        """Tell the status of the last goal, or let another publisher tell it."""
         said = GoalStatus(status=status)
         said.goal_info.goal_id = self._goal
-        self._status.publish(GoalStatusArray(status_list=[said]))
+        (instead or self._status).publish(GoalStatusArray(status_list=[said]))
 
     async def _answer(self, _request: Any, answer: Any) -> Any:
         if not self._times:
@@ -155,9 +166,19 @@ def actions(participant: Participant) -> None:
     until(lambda: ends.heard, "a server whose results are lost")
     ends.send("fourth", ends.goal_class(motion_name="wave"))
     until(lambda: seen.goals == {"fourth": EXECUTING}, "a goal that runs")
+    our_actions.RESULT_S = 0.1
+    profile = QoSProfile(depth=1, durability=KEPT)
+    strange = member("stranger").create_publisher(GoalStatusArray, status, profile)
+    lost.says(SUCCEEDED, strange)
+    until(lambda: len(ends._said) == 2, "what the stranger says")
+    repeated = seen.told + 2
+    until(lambda: seen.told > repeated, "a repeat")
+    tell("runs", *seen.goals, lost.cancelled)
     lost.says(SUCCEEDED)
     until(lambda: ("fourth", "succeeded") in seen.ends, "its end by its status")
     tell("ended", *(goal for goal, _ in seen.ends))
+    until(lambda: lost.cancelled == [True], "its cancel")
+    tell("cancelled")
     lost.die()
 
 
@@ -403,6 +424,18 @@ def flood(_participant: Participant) -> None:
     time.sleep(float(sys.argv[2]))
     tell("grown", resident() - before)
     over.set()
+
+
+def often(participant: Participant) -> None:
+    """Messages that come at once: the inspector, which counts them, does not let any wait."""
+    slept: list[float] = []
+    raw_topic.time = SimpleNamespace(monotonic=lambda: 1.0, sleep=slept.append)
+    thinned = raw_topic.RawTopic(participant, "/words", lambda *_: None, 1)
+    for topic in (thinned, Source(participant, "/words", lambda _: None)._topic):
+        for _ in range(3):
+            topic._receive("std_msgs/msg/String", b"", {})
+        tell("slept", len(slept))
+        slept.clear()
 
 
 def main() -> None:

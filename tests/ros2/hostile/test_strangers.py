@@ -46,12 +46,23 @@ def scenario(domain: int, *name: str) -> Iterator[Side]:
 
 
 def test_goals_end_with_their_server_and_only_once(domain: int) -> None:
-    """A server never answers, and another one takes its place; that one answers twice; the result of one is lost."""
+    """A server never answers, and another one takes its place; that one answers twice; the result of one is lost.
+
+    That one's goal does not end by the word of a stranger.
+    """
     with scenario(domain, "actions") as side:
         side.await_line("runs")
         assert side.await_line("forgotten") == ["forgotten"]
         assert side.await_line("ended") == ["ended", "second", "third"]
+        assert side.await_line("runs") == ["runs", "fourth", "[]"]
         assert side.await_line("ended") == ["ended", "second", "third", "fourth"]
+        side.await_line("cancelled")
+
+
+def test_no_message_waits_where_they_are_counted(domain: int) -> None:
+    with scenario(domain, "often") as side:
+        assert side.await_line("slept") == ["slept", "2"]
+        assert side.await_line("slept") == ["slept", "0"]
 
 
 def test_another_version_of_a_type_is_named_and_not_read(domain: int) -> None:

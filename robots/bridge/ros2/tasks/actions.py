@@ -84,7 +84,7 @@ class ActionEnds:
         self._cancels = cancel_client(node, action.name)
         self._sent: OrderedDict[bytes, str] = OrderedDict()  # our ids of goals, by those on the wire
         self._open: set[str] = set()  # our goals without a result so far
-        # Those that a server says are over, with status and time of its word.
+        # Those that a server says are over and none says run, with status and time of its word.
         self._over: dict[str, tuple[int, float]] = {}
         self._status = f"{action.name}/_action/status"
         # Goals that run, by who said so last: what a server that has gone said holds no more.
@@ -167,6 +167,9 @@ class ActionEnds:
         self._said[bytes(gid["data"]) if gid else b""] = most_of(goals, OURS)
         while len(self._said) > MOST_NODES:
             self._said.popitem(last=False)
+        for running in self._said.values():  # who says that such a goal is over may be a stranger
+            for goal_id in self._over.keys() & running:
+                del self._over[goal_id]
         self._tell()
 
     def _tell(self) -> None:
@@ -188,6 +191,7 @@ class ActionEnds:
         self._forget_gone(is_there)
         for goal_id, (status, since_s) in list(self._over.items()):
             if time.monotonic() - since_s > RESULT_S:
+                self.cancel(goal_id)  # nobody would follow it any more, if its server has not ended it
                 self._end(goal_id, OUTCOMES.get(status, "failed"), None)
         self._tell()
 
