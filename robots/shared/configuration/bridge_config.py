@@ -18,7 +18,7 @@ from robots.shared.configuration.robot_ros import Ros, RosVersion
 from robots.shared.messages.type_names import in_ros2, is_action
 from robots.shared.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
-# A larger difference of the robot's and the console's clocks is reported, and the stamps of velocities follow it.
+# A larger difference of the robot's and the console's clocks is reported, and velocities have no stamp then.
 CLOCK_SKEW_S = 0.5
 
 
