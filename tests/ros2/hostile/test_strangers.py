@@ -113,7 +113,7 @@ def test_a_switch_of_types_waits_for_standstill_and_loses_no_stop(domain: int) -
         assert side.await_line("driven") == ["driven", "geometry_msgs/msg/Twist"]
         assert side.await_line("heard") == ["heard", "0.5", "0.25"]
         assert side.await_line("stands") == ["stands", "geometry_msgs/msg/TwistStamped"]
-        by_each = ["0.5", "0.25", "0.0"], ["0.0"]
+        by_each = ["0.5", "0.25", "0.0"], ["0.0", "0.0"]  # a zero with each of the two stamps
         assert side.await_line("heard") == ["heard", *by_each[0], *by_each[1]]
 
 
