@@ -53,8 +53,11 @@ class RobotApart:
         _ip("link", "set", "robot", "down", inside=self._inside)
 
     def join(self) -> None:
-        """Plug the cable in."""
+        """Plug the cable in, and wait until both ends carry: a program that starts before does not see its network."""
         _ip("link", "set", "robot", "up", inside=self._inside)
+        for name, inside in (("console", ()), ("robot", self._inside)):
+            while "state UP" not in _ip("-o", "link", "show", name, inside=inside):
+                time.sleep(0.01)
 
     def _wait_until_apart(self) -> None:
         ours = Path("/proc/self/ns/net").readlink()
@@ -62,5 +65,5 @@ class RobotApart:
             time.sleep(0.01)
 
 
-def _ip(*words: str, inside: tuple[str, ...] = ()) -> None:
-    subprocess.run([*inside, "ip", *words], check=True)  # noqa: S603
+def _ip(*words: str, inside: tuple[str, ...] = ()) -> str:
+    return subprocess.run([*inside, "ip", *words], check=True, stdout=subprocess.PIPE, text=True).stdout  # noqa: S603
