@@ -1,4 +1,4 @@
-"""What bridge and watchdog publish on the drive topic."""
+"""Messages of bridge and watchdog on the drive topic."""
 
 from __future__ import annotations
 

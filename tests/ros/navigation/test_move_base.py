@@ -1,4 +1,4 @@
-"""What move_base alone does with a goal."""
+"""Effects of a goal that move_base alone has."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_listeners_that_dds_does_not_connect_hide_no_robot(domain: int) -> None:
 
 
 def test_a_stop_cancels_goals_of_so_many_servers_and_no_more(domain: int) -> None:
-    """Who was there first stays; names that nobody serves, and another robot's namespace, take no place."""
+    """The first servers stay; names that nobody serves, and another robot's namespace, take no place."""
     with scenario(domain, "servers") as side:
         assert side.await_line("found")[:2] == ["found", "129"]
         assert side.await_line("stay") == ["stay", "True"]

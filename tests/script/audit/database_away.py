@@ -17,7 +17,7 @@ NOTICED_S = 10.0
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
 NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
-# What the log says of the end of publishing, and with it of the drive's end.
+# Words of the log about the end of publishing, and with it of the drive's end.
 ENDED = {
     "not_recorded": "the robot’s actions could not be recorded",
     "control_ended": "Control was not renewed in time.",
