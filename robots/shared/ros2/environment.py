@@ -52,19 +52,17 @@ def domain_environment(
 
     In shared memory, files of dead processes and of other people would stand in the way, and ROS's own ranges LOCALHOST
     and OFF use it whatever they are told: profiles of Fast DDS stand in for them.
+
+    The profiles also keep Fast DDS from asking each robot for its types: it repeats no answer that a full socket lost,
+    and the topics of these types would never be found. rclpy knows its types without asking.
     """
     found = {"ROS_DOMAIN_ID": str(domain), "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
     found |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    found["ROS_STATIC_PEERS"] = ""
-    profile = ""
+    found["ROS_STATIC_PEERS"] = ";".join([*_BESIDE_PEERS[discovery], *peers]) if peers else ""
+    profile = "subnet" if discovery == "subnet" else "only_peers"
     if discovery != "subnet" and not peers:
         found["ROS_AUTOMATIC_DISCOVERY_RANGE"], profile = "SYSTEM_DEFAULT", "only_here"
-    elif peers:
-        found["ROS_STATIC_PEERS"] = ";".join([*_BESIDE_PEERS[discovery], *peers])
-        profile = "many_peers" if discovery == "subnet" else "only_peers"
-    if profile:
-        found[PROFILE] = str(Path(__file__).with_name(f"{profile}.xml"))
-    return found
+    return found | {PROFILE: str(Path(__file__).with_name(f"{profile}.xml"))}
 
 
 def _main() -> None:

@@ -51,7 +51,16 @@ def test_static_peers_are_asked_for_many_processes_beside_multicast(installed) -
     assert found["ROS_STATIC_PEERS"] == "239.255.0.1;10.68.0.1"
     profile = Path(found["FASTDDS_DEFAULT_PROFILES_FILE"]).read_text()
     assert "<maxInitialPeersRange>64<" in profile and "<useBuiltinTransports>false<" in profile
-    assert "FASTDDS_DEFAULT_PROFILES_FILE" not in environment_of(Ros2(7, "subnet"))
+
+
+@pytest.mark.parametrize(
+    "ros",
+    [Ros2(7, "subnet"), Ros2(7, "off", ("10.68.0.1",)), Ros2(7), Ros2(7, discovery_server="10.68.0.1:11811")],
+)
+def test_no_search_asks_a_robot_for_its_types(installed, ros: Ros2) -> None:
+    """One lost answer would hide a robot's topics for good (tests/ros2/test_found_again.py)."""
+    profile = Path(environment_of(ros)["FASTDDS_DEFAULT_PROFILES_FILE"]).read_text()
+    assert "<name>fastdds.type_propagation</name><value>disabled</value>" in "".join(profile.split())
 
 
 def test_a_robot_on_this_computer_is_searched_nowhere_else(installed) -> None:

@@ -3,7 +3,8 @@
  *
  *     node foxglove_client.js ADDRESS TOKEN TOPIC…     an empty token: the address has a ticket
  *
- * Prints one JSON line for each thing that it learned, and ends when it has a message of each topic.
+ * Prints one JSON line for each thing that it learned, and ends when it has a message of each topic. The graph is there
+ * when it has the publishers of all of them: the console may still be learning who publishes.
  */
 
 import { parse } from "@foxglove/rosmsg";
@@ -17,6 +18,7 @@ const socket = new WebSocket(address, { protocols, headers });
 const client = new FoxgloveClient({ ws: socket });
 const readers = new Map();
 const missing = new Set(topics);
+const published = {};
 
 const say = (fact) => console.log(JSON.stringify(fact));
 
@@ -57,7 +59,9 @@ client.on("parameterValues", ({ id, parameters }) => {
   endWhenComplete();
 });
 client.on("connectionGraphUpdate", ({ publishedTopics }) => {
-  say({ published: Object.fromEntries(publishedTopics.map((one) => [one.name, one.publisherIds])) });
+  for (const { name, publisherIds } of publishedTopics) published[name] = publisherIds; // only what changed
+  if (topics.some((topic) => topic.startsWith("/") && !published[topic])) return;
+  say({ published });
   missing.delete("graph");
   endWhenComplete();
 });
