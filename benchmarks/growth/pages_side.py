@@ -3,11 +3,14 @@
 The process reads the Cookie headers from stdin (separated by tabs; pages use them in turn), opens the pages, and
 acknowledges each update and pings each second, as a page does. It prints "ready", then each second the bytes of all
 messages so far.
+
+In a lab each page is on a computer of its own. Here they get only the processor time that the console leaves.
 """
 
 from __future__ import annotations
 
 import asyncio
+import os
 import random
 import sys
 import time
@@ -56,6 +59,7 @@ async def ping(page: FleetPage) -> None:
 
 async def main() -> None:
     """Run until killed."""
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     host, port, origin, count = sys.argv[1:]
     cookies = sys.stdin.readline().strip().split("\t")
     loop = asyncio.get_running_loop()
