@@ -13,6 +13,7 @@ import time
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -195,37 +196,52 @@ def served(tmp_path: Path, settings_of_a_lab: dict[str, str]) -> Iterator[Served
 
 
 def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, master_uri: str) -> None:
-    first = served.start()
-    try:
-        assert "Applying" not in served.log.read_text()  # the address is not behind a line for each migration
-        until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
-        page = set_up(served.log.read_text(), STAFF, "TIAGo 42", master_uri)
-        assert f"The ROS master at {master_uri} answers." in page
-        assert "Demo" not in served.browse("", "/accounts/sign-in/")[1]
-        cookie = sign_in(served, STAFF.role)
-        assert (
-            served.submit(cookie, served.change_of_robot(cookie), advertised_address="127.0.0.1") == CHECKED
-        )
+    with running(served) as console:
+        cookie = first_run(served, master_uri)
         asyncio.run(drive_stop_edit(served, cookie))
+        end_without_a_rest(served, console)
 
-        lose_the_web_process(served, first)
-        lose_the_supervisor(served, first)
-        family = Family(first.pid)
-        first.send_signal(signal.SIGTERM)
-        assert first.wait(ENDED_S) == 0
-        assert_nothing_left(served, family)
-    finally:
-        first.kill()
 
-    second = served.start()
-    try:
+def test_parts_that_are_killed_come_back_and_a_stop_outlives_the_console(
+    served: Served, master_uri: str
+) -> None:
+    with running(served) as console:
+        cookie = first_run(served, master_uri)
+        asyncio.run(drive_stop_edit(served, cookie))
+        lose_the_web_process(served, console)
+        lose_the_supervisor(served, console)
+        end_without_a_rest(served, console)
+    with running(served) as console:
         asyncio.run(drive_on(served, cookie))
-        family = Family(second.pid)
-        second.send_signal(signal.SIGTERM)
-        assert second.wait(ENDED_S) == 0
-        assert_nothing_left(served, family)
+        end_without_a_rest(served, console)
+
+
+@contextmanager
+def running(served: Served) -> Iterator[subprocess.Popen[bytes]]:
+    console = served.start()
+    try:
+        yield console
     finally:
-        second.kill()
+        console.kill()
+
+
+def first_run(served: Served, master_uri: str) -> str:
+    """Enter the first person and the robot, whose address is this computer's; return the person's cookie."""
+    assert "Applying" not in served.log.read_text()  # the address is not behind a line for each migration
+    until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
+    page = set_up(served.log.read_text(), STAFF, "TIAGo 42", master_uri)
+    assert f"The ROS master at {master_uri} answers." in page
+    assert "Demo" not in served.browse("", "/accounts/sign-in/")[1]
+    cookie = sign_in(served, STAFF.role)
+    assert served.submit(cookie, served.change_of_robot(cookie), advertised_address="127.0.0.1") == CHECKED
+    return cookie
+
+
+def end_without_a_rest(served: Served, console: subprocess.Popen[bytes]) -> None:
+    family = Family(console.pid)
+    console.send_signal(signal.SIGTERM)
+    assert console.wait(ENDED_S) == 0
+    assert_nothing_left(served, family)
 
 
 def lose_the_web_process(served: Served, console: subprocess.Popen[bytes]) -> None:

@@ -23,20 +23,17 @@ PAGE = "/accounts/sign-in/"
 FROM_THE_PROXY = {"Host": HOST, "X-Forwarded-Proto": "https", "X-Forwarded-For": "10.0.0.7"}
 
 
-@pytest.fixture
-def environ(tmp_path):
-    return console_environment(tmp_path, HOST, FLEET_TLS="1")
-
-
-@pytest.fixture
-def port(environ, tmp_path):
+@pytest.fixture(scope="module")
+def port(tmp_path_factory):
     """Port of a web process with one account, "first"."""
+    folder = tmp_path_factory.mktemp("behind-proxy")
+    environ = console_environment(folder, HOST, FLEET_TLS="1")
     create_database(environ)
     with socket.create_server(("127.0.0.1", 0)) as free:
         number = free.getsockname()[1]
     command = web_command(arguments(["--behind-proxy", PROXY, "--port", str(number)]))
     command[command.index("--proxies") + 1] = PROXY  # and this test is not the proxy of this machine
-    web = Child("web", command, env=environ, log=tmp_path / "web.log")
+    web = Child("web", command, env=environ, log=folder / "web.log")
     try:
         _wait_until_it_listens(number, web)
         yield number

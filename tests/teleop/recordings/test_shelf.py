@@ -157,10 +157,10 @@ def test_a_recording_elsewhere_is_replayed_and_cut(
 def test_a_download_goes_on_after_breaks_and_kills(
     recording: Recording, operator: User, host: BridgeHost, data: bytes
 ) -> None:
-    step = len(data) // 100 + 1
+    step = len(data) // 20 + 1
     got = b""
     while len(got) < len(data):
-        if len(got) == 50 * step:
+        if len(got) == 10 * step:
             [shelf] = shelves()
             shelf.kill()
         part = get(operator, recording, "/file", Range=f"bytes={len(got)}-{len(got) + step - 1}")
