@@ -29,6 +29,7 @@ from script.stack.stack import Account, Certificate
 from tests.browser.conftest import ARGUMENTS, CHROMIUM
 from tests.browser.people import Person
 from tests.processes import free_port, outside, until
+from tests.ros2.side import needs_rclpy
 from tests.script.support import ENDED_S, Family, listens
 
 PATIENCE_S = 120.0
@@ -102,8 +103,11 @@ def start(tmp_path: Path) -> Iterator[Start]:
         demo.end()
 
 
-def test_the_main_job_works_from_the_command_line():
-    done = subprocess.run(["script/demo", "--smoke"], cwd=REPOSITORY, capture_output=True, text=True)
+@pytest.mark.parametrize("which", [[], pytest.param(["--mixed"], marks=needs_rclpy)], ids=["plain", "mixed"])
+def test_the_main_job_works_from_the_command_line(which):
+    """With `--mixed` the robot with ROS 2 drives, beside two with ROS 1."""
+    command = ["script/demo", *which, "--smoke"]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert re.search(r"smoke: ready in .* m driven in .* stop pressed, standstill after \d+ ms", done.stdout)
 
