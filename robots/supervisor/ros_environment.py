@@ -43,11 +43,11 @@ class WrapperMissing(Unready):
 
 
 class RclpyMissing(Unready):
-    """A robot has ROS 2, and nobody has installed it here."""
+    """A robot has ROS 2, and nobody has installed rclpy here."""
 
     def __init__(self) -> None:
         super().__init__(
-            say("The robot has ROS 2, which is not installed on its bridge’s computer: script/setup ros2")
+            say("The robot’s bridge needs rclpy, which is not installed on its computer: script/setup ros2")
         )
 
 

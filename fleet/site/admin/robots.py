@@ -16,6 +16,7 @@ from django.db.models import ProtectedError, QuerySet
 from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
+from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.decorators import method_decorator
 from django.utils.html import format_html, format_html_join
@@ -179,16 +180,16 @@ class RobotAdmin(RecordedAdmin):
     """Robots. They cannot be deleted, because sessions and records refer to them; staff untick "enabled" instead."""
 
     list_display = [
-        "name",
+        "name_with_ros",
         "slug",
-        "profile",
+        "kind",
         "enabled",
         "practice",
         "reached",
         "bridge_state",
         "check_link",
     ]
-    list_filter = ["enabled", "practice", "profile", "profile__ros"]
+    list_filter = ["enabled", "practice", "profile"]
     list_select_related = ["profile", "bridge"]
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
@@ -269,6 +270,16 @@ class RobotAdmin(RecordedAdmin):
                 self.message_user(request, text % robot.name, messages.ERROR)
             else:
                 self.message_user(request, gettext("%s is deleted.") % robot.name)
+
+    @admin.display(description=_("name"), ordering="name")
+    def name_with_ros(self, robot: Robot) -> str:
+        """Return the name, and its ROS as other pages show it."""
+        return format_html("{} {}", robot.name, render_to_string("robots/ros_badge.html", {"robot": robot}))
+
+    @admin.display(description=_("profile"), ordering="profile__name")
+    def kind(self, robot: Robot) -> str:
+        """Return the profile's name without its ROS, which stands beside the robot's name."""
+        return robot.profile.kind
 
     @admin.display(description=_("reached at"))
     def reached(self, robot: Robot) -> str:
@@ -383,7 +394,7 @@ class RobotRoleAdmin(RecordedAdmin):
 class RobotProfileAdmin(RecordedAdmin):
     """Kinds of robots."""
 
-    list_display = ["name", "slug", "ros", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
+    list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
     readonly_fields = ["source", "lists", "updated_at"]
     form = FreshForm
     formfield_overrides = READABLE
