@@ -32,7 +32,7 @@ class Line(Struct, frozen=True):
     """A robot, or the console's own parts: now, and day by day."""
 
     name: str
-    slug: str
+    robot: Robot | None
     now: list[str]  # sentences of open alerts
     days: list[Day]
     share: float  # percent of the 90 days without an alert
@@ -45,17 +45,17 @@ def lines(robots: Collection[Robot], *, console: bool) -> list[Line]:
     by_robot: dict[object, list[Alert]] = {}
     for alert in found:
         by_robot.setdefault(alert.robot_id, []).append(alert)
-    own = [_line(_("Console"), "", by_robot.get(None, []), now)] if console else []
-    return own + [_line(one.name, one.slug, by_robot.get(one.pk, []), now) for one in robots]
+    own = [_line(_("Console"), None, by_robot.get(None, []), now)] if console else []
+    return own + [_line(one.name, one, by_robot.get(one.pk, []), now) for one in robots]
 
 
-def _line(name: str, slug: str, alerts: list[Alert], now: datetime) -> Line:
+def _line(name: str, robot: Robot | None, alerts: list[Alert], now: datetime) -> Line:
     spans = list(_joined((max(one.began_at, now - KEPT), one.over_at or now) for one in alerts))
     away = sum((ends - begins for begins, ends in spans), timedelta())
     today = lab_date()
     days = [_day(today - timedelta(days=back), spans) for back in range(DAYS - 1, -1, -1)]
     open_ones = [in_words(one.words) for one in alerts if one.over_at is None]
-    return Line(name, slug, open_ones, days, 100.0 * (1.0 - away / KEPT))
+    return Line(name, robot, open_ones, days, 100.0 * (1.0 - away / KEPT))
 
 
 def _joined(spans: Iterator[tuple[datetime, datetime]]) -> Iterator[tuple[datetime, datetime]]:

@@ -207,8 +207,19 @@ def test_the_first_robot_may_have_ros_2(admin: Client, tiago_2: RobotProfile) ->
     assert bridge_config(Robot.objects.get()).ros == Ros2(3, "localhost")
 
 
-@pytest.mark.parametrize("address", ["/", "/robots/second/", "/?wall", "/plan/", "/robots/second/report/"])
+@pytest.mark.parametrize(
+    "address",
+    ["/", "/robots/second/", "/?wall", "/plan/", "/robots/second/report/", "/status/", "/today/"],
+)
 def test_a_page_says_ros_2_once_beside_the_robots_name(admin: Client, second: Robot, address: str) -> None:
     page = admin.get(address).content.decode()
     assert page.count("ROS 2") == 1
     assert re.search(r'Second(</a>|</h[12]>)?\s*<span class="badge">ROS 2</span>', page)
+
+
+def test_the_admins_list_says_ros_2_once_beside_the_robots_name(admin: Client, second: Robot) -> None:
+    page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
+    rows, filters = page.split('id="changelist-filter"')
+    assert rows.count("ROS 2") == 1
+    assert re.search(r'>Second\s*<span class="badge">ROS 2</span>\s*</a>', rows)
+    assert re.findall(r"[\w ()-]*ROS 2[)]?", filters) == ["PAL PMB-2 (ROS 2)", "PAL TIAGo (ROS 2)"]

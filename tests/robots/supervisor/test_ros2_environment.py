@@ -88,7 +88,9 @@ def test_packages_of_a_shell_do_not_come_before_the_console_s_own(
 
 def test_without_rclpy_the_robot_says_what_to_install(installed) -> None:
     wheels.READY.unlink()
-    with pytest.raises(Unready, match="not installed on its bridge’s computer: script/setup ros2"):
+    with pytest.raises(
+        Unready, match="bridge needs rclpy, which is not installed on its computer: script/setup ros2"
+    ):
         environment_of(Ros2())
 
 
