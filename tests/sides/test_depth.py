@@ -93,13 +93,12 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(side, stage, bri
         hand.state_until(lambda state: not depth_limits(state), "pictures of the way ahead")
         contacts.drain()
         truth.drain()
+        hand.drive_until(1.0, lambda state: state.odometry.vx > 0.5, "well above the blind speed")
         state = hand.drive_until(
             1.0, lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
         )
         drive = truth.drain()
-    fastest = max(message.twist.twist.linear.x for message in drive)
     gap = drive[-1].pose.pose.position.y - 0.27 - EDGE_Y
-    assert fastest > 0.5, "well above the blind speed"
     assert 0.0 < gap < 0.2
     assert state.verdict.text.startswith("stopped (")
     assert "depth" in state.verdict.text

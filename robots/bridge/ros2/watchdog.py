@@ -96,13 +96,13 @@ class WatchdogNode:
             self._listeners = Listeners(Graph(participant.node))
             graph = Graph(participant.node)  # of this thread
             listeners = Listeners(graph)
-            self._cancels = cancels = Cancels(participant.node, self._config.actions, ros.namespace)
+            self._cancels = Cancels(participant.node, self._config.actions, ros.namespace)
             self._drives.connect(participant.node, self._wanted, self._twist)
+            threading.Thread(target=self._look, args=(self._cancels,), name="actions", daemon=True).start()
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
                 self._twist = wanted_kind(graph, drive, self._twist)
                 self._drives.connect(participant.node, self._wanted, self._twist)
-                cancels.look()
                 self._news.wait(LOOK_S)
                 self._news.clear()
                 if not self._ending and self._is_cut_off(joined, listeners):
@@ -114,6 +114,12 @@ class WatchdogNode:
             if not self._ending:
                 log.exception("joining the robot's domain failed")
                 os._exit(1)
+
+    def _look(self, cancels: Cancels) -> None:
+        """Look for actions, on a thread of its own: strangers can make this slow, and the drive topic must not wait."""
+        while not self._ending:
+            cancels.look()
+            time.sleep(LOOK_S)
 
     def _is_cut_off(self, joined: Joined, listeners: Listeners) -> bool:
         """Return whether zeros may not reach a robot that a new process would reach."""

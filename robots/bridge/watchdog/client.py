@@ -46,6 +46,8 @@ class WatchdogClient:
 
     def beat(self, beat: Heartbeat, now_s: float) -> None:
         """Send the bridge's present state."""
+        if not beat.latched:  # the stops so far were cleared, even if the disk has not taken them yet
+            self._heard = self._handed_on
         self._since_s = min(self._since_s, now_s)
         if self._socket is None:
             self._connect()

@@ -13,7 +13,7 @@ import pytest
 
 from robots.bridge.lease.state_store import SavedState, StateStore
 from robots.bridge.watchdog.client import MISSING_S, WatchdogClient
-from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.bridge.watchdog.rules import Heartbeat, StopPress, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
 from robots.shared import wire
@@ -98,6 +98,30 @@ async def test_stop_that_the_bridge_failed_on_is_sent_again(
         lane.send(connection, wire.encode(StopPress(100, "Ann")))
         await asyncio.wait_for(broken.wait(), PATIENCE_S)
     assert (await asyncio.wait_for(presses.get(), PATIENCE_S)).number == 100
+    beats.close()
+
+
+async def test_a_cleared_stop_is_over_although_the_disk_has_not_taken_it(
+    tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
+) -> None:
+    """Otherwise the watchdog would go on with zeros and cancels, and end what begins after the clear."""
+    presses: asyncio.Queue[StopPress] = asyncio.Queue()
+    beats, lane = (
+        WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait, lambda _: None),
+        open_lane(),
+    )
+    rules = StopRules(first=100)
+    rules.bridge_came(0.0)
+    beats.beat(Heartbeat(publishing=True), 0.0)
+    connection, _ = await said(lane)
+    lane.send(connection, wire.encode(rules.press("Ann", "")))
+    await asyncio.wait_for(presses.get(), PATIENCE_S)
+    for latched in (True, False):
+        beats.beat(Heartbeat(publishing=True, latched=latched), 0.0)
+        _, message = await said(lane)
+        assert message is not None
+        rules.beat(msgspec.json.decode(message, type=Heartbeat), 0.0)
+        assert rules.zeros(0.0) == rules.cancel(0.0) == latched
     beats.close()
 
 

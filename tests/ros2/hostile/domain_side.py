@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
+from uuid import uuid4
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
@@ -37,8 +38,10 @@ from robots.bridge.ros2.raw_topic import RawTopics
 from robots.bridge.ros2.tasks import actions as our_actions
 from robots.bridge.ros2.tasks.actions import ActionEnds, GoalListener
 from robots.bridge.ros2.tasks.cancels import CANCEL, MOST_ACTIONS, MOST_LOOKED_UP, Cancels
+from robots.bridge.ros2.watchdog import WatchdogNode
 from robots.shared.configuration.bridge_config import Topic, drive_topic
 from robots.shared.configuration.robot_ros import Ros2
+from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.geometry.poses import STILL, Velocity
 from robots.shared.texts import MOST_NODES
 from tests.bridge.support import CONFIG
@@ -356,12 +359,12 @@ def servers(participant: Participant) -> None:
     tell("left", cancels.is_full)
 
 
-def heard_by(name: str, kind: Any) -> list[float]:
+def heard_by(name: str, kind: Any, topic: str = "/key_vel") -> list[float]:
     """Return the speeds that such a node hears from now on."""
     heard: list[float] = []
     node = member(name)
     node.create_subscription(
-        kind, "/key_vel", lambda twist: heard.append(getattr(twist, "twist", twist).linear.x), 10
+        kind, topic, lambda twist: heard.append(getattr(twist, "twist", twist).linear.x), 10
     )
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
@@ -399,6 +402,23 @@ def switch(participant: Participant) -> None:
     tell("stands", kind_of(base._drive))
     until(lambda: robot and 0.0 in before, "both zeros")
     tell("heard", *before, *robot)
+
+
+def slow(_participant: Participant) -> None:
+    """A look at the domain's actions takes long, and the watchdog's drive topic changes meanwhile."""
+    begun, over = threading.Event(), threading.Event()
+    Cancels.look = lambda _: (begun.set(), over.wait())
+    config = WatchdogConfig(
+        uuid4(), "tiago", Ros2(DOMAIN, "localhost"), "/fleet_watchdog_0", DRIVE_TOPIC, (), "", ""
+    )
+    watchdog = WatchdogNode(config)
+    watchdog.start()
+    assert begun.wait(PATIENCE_S)
+    heard = heard_by("base", Twist, "/chosen_vel")
+    watchdog.drive_to("/chosen_vel")
+    until(lambda: (watchdog.zero(), heard)[1], "a zero on the chosen topic")
+    tell("heard", *set(heard))
+    over.set()
 
 
 # --- floods ---------------------------------------------------------------------------------------
