@@ -17,7 +17,7 @@ from tests.ros2.conftest import free_domain
 from tests.ros2.hostile.test_strangers import stranger
 from tests.ros2.side import Side, needs_rclpy
 from tests.sides.side import Ros2Side
-from tests.sides.visitor import Visitor
+from tests.sides.visitor import Inbox, Visitor
 
 pytestmark = needs_rclpy
 ZERO_S = 0.35  # from the press to the first zero that another process hears
@@ -30,11 +30,11 @@ STRANGERS = {
     "tiny": [("tiny",)],
     "names": [("names", "1000000")],
     "topics": [("topics", "10000")],
-    "servers": [("servers", "10000")],
+    "servers": [("servers", "6000")],
     "comers": [("comers",)],
     "huge_map": [("huge_map", "10000")],
 }
-DEEDS = {"topics": 10_000, "servers": 10_000, "comers": 100}  # before the first press
+DEEDS = {"topics": 10_000, "servers": 6000, "comers": 5000}  # before the first press
 
 
 @pytest.fixture(scope="module", params=STRANGERS)
@@ -79,9 +79,7 @@ def test_a_press_stops_the_robot(
                 pass
         hand.take_control(1)
         for number in range(PRESSES):
-            hand.drive_until(0.2, lambda state: state.odometry.vx > 0.02, "motion")
-            twists.drain()
-            twists.until(lambda twist: twist.linear.x > 0.0)
+            drive(hand, twists)
             pressed_s = time.monotonic()
             press(hand, config, by_watchdog=bool(number % 2))
             twists.until(lambda twist: not twist.linear.x)
@@ -89,6 +87,16 @@ def test_a_press_stops_the_robot(
             clear(hand, number)
     print(role, *(f"{one:.3f}" for one in took))
     assert max(took) < ZERO_S
+
+
+def drive(hand: Hand, twists: Inbox) -> None:
+    """Drive until the robot is told to move now. After a late scan, on a busy computer, the stick must rest first."""
+    told = False
+    while not told:
+        hand.news()
+        hand.drive_until(0.2, lambda state: state.odometry.vx > 0.02, "motion")
+        twists.drain()
+        told = twists.next().linear.x > 0.0
 
 
 def press(hand: Hand, config: BridgeConfig, *, by_watchdog: bool) -> None:

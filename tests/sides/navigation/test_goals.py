@@ -153,8 +153,7 @@ def test_goals_that_make_no_sense_are_refused_in_words(traveller):
     def starts():
         return [line for line in traveller.process.recorded() if line.startswith("go.start")]
 
-    pause(traveller, 3.0)
-    assert traveller.refused(*OUTSIDE).code == "goal_outside"
+    until(lambda: traveller.refused(*OUTSIDE).code == "goal_outside", "the map")
     begun = starts()  # one start, if the goal had to wait for the map
     assert traveller.refused(*OUTSIDE).code == "goal_outside"
     assert traveller.refused(*WALL).code == "goal_in_obstacle"

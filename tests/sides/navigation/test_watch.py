@@ -32,7 +32,8 @@ def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth,
     until(lambda: "go.end held_back" in traveller.process.recorded(), "the end on record")
     assert "gate.begin obstacle" in traveller.process.recorded()
     fault("none")  # navigation without a fault may drive on from there
-    assert traveller.ended(traveller.go(2.0, 1.8)).outcome == "arrived"
+    end = traveller.ended(traveller.go(2.0, 1.8))
+    assert end.outcome == "arrived", end
 
 
 def test_a_silent_laser_ends_a_drive(traveller, fault):
