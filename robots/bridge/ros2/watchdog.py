@@ -7,6 +7,7 @@ import math
 import os
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rclpy.exceptions import InvalidHandle
@@ -98,7 +99,7 @@ class WatchdogNode:
             listeners = Listeners(graph)
             self._cancels = Cancels(participant.node, self._config.actions, ros.namespace)
             self._drives.connect(participant.node, self._wanted, self._twist)
-            threading.Thread(target=self._look, args=(self._cancels,), name="actions", daemon=True).start()
+            participant.work(partial(self._look, self._cancels), "actions")
             log.info("joined the robot's domain as %s", self._config.node)
             while not self._ending:
                 self._twist = wanted_kind(graph, drive, self._twist)
