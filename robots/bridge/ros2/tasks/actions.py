@@ -29,7 +29,8 @@ from robots.shared.configuration.bridge_config import Topic
 from robots.shared.texts import MOST_GOALS, MOST_NODES, most_of
 from robots.shared.wire import GOAL_MARK
 
-ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5  # action_msgs/msg/GoalStatus
+# action_msgs/msg/GoalStatus
+ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = 1, 2, 3, 4, 5, 6
 OUTCOMES = {SUCCEEDED: "succeeded", CANCELED: "cancelled"}  # others: "failed"
 ID_BYTES = 16
 RESULT_S = 3.0  # a goal that its server says is over ends then, if its result is late or lost
@@ -86,6 +87,9 @@ class ActionEnds:
         self._open: set[str] = set()  # our goals without a result so far
         # Those that a server says are over and none says run, with status and time of its word.
         self._over: dict[str, tuple[int, float]] = {}
+        # Those whose server gave them up, with result and its time, until its status comes: it has the goal that took
+        # their place.
+        self._given_up: dict[str, tuple[Any, float]] = {}
         self._status = f"{action.name}/_action/status"
         # Goals that run, by who said so last: what a server that has gone said holds no more.
         self._said: OrderedDict[bytes, dict[str, int]] = OrderedDict()
@@ -112,6 +116,11 @@ class ActionEnds:
     def heard(self) -> bool:
         """Return whether a node of the robot takes goals."""
         return bool(self._goals.service_is_ready())
+
+    @property
+    def others_run(self) -> bool:
+        """Return whether a server says that it performs a goal of another program. On the executor's thread."""
+        return any(not goal_id.startswith(OURS) for goals in self._said.values() for goal_id in goals)
 
     def cancel(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
@@ -146,10 +155,14 @@ class ActionEnds:
 
     def _ended(self, goal_id: str, answer: Any) -> None:
         found = answer.result()
+        if found.status == ABORTED and goal_id in self._open and goal_id not in self._over:
+            self._given_up[goal_id] = found.result, time.monotonic()
+            return
         self._end(goal_id, OUTCOMES.get(found.status, "failed"), found.result)
 
     def _end(self, goal_id: str, outcome: str, result: Any) -> None:
         self._over.pop(goal_id, None)
+        self._given_up.pop(goal_id, None)
         for goals in self._said.values():
             goals.pop(goal_id, None)
         if goal_id in self._open:
@@ -167,6 +180,8 @@ class ActionEnds:
         self._said[bytes(gid["data"]) if gid else b""] = most_of(goals, OURS)
         while len(self._said) > MOST_NODES:
             self._said.popitem(last=False)
+        for goal_id in self._over.keys() & self._given_up.keys():
+            self._end(goal_id, "failed", self._given_up[goal_id][0])
         for running in self._said.values():  # who says that such a goal is over may be a stranger
             for goal_id in self._over.keys() & running:
                 del self._over[goal_id]
@@ -189,6 +204,9 @@ class ActionEnds:
             self._on_joined()
         self._was_there = is_there
         self._forget_gone(is_there)
+        for goal_id, (result, since_s) in list(self._given_up.items()):
+            if time.monotonic() - since_s > REPEAT_S:
+                self._end(goal_id, "failed", result)
         for goal_id, (status, since_s) in list(self._over.items()):
             if time.monotonic() - since_s > RESULT_S:
                 self.cancel(goal_id)  # nobody would follow it any more, if its server has not ended it

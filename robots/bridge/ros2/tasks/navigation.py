@@ -131,6 +131,10 @@ class NavigationEnds(Navigator, RobotPart, GoalListener):
         self._reports.answered(goal_id)
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        if outcome == "failed" and self._action.others_run:
+            outcome = (
+                "cancelled"  # navigation gives up a goal when another takes its place; in ROS 1 it cancels it
+            )
         self._reports.ended(goal_id, outcome, text)
 
 
