@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,15 +14,18 @@ from robots.recordings.files.bag import NoBag, write_bag
 from robots.recordings.files.contents import Contents
 from robots.recordings.files.decoding import Decoder
 from robots.shared.records.record_sink import TakenRecording
+from robots.shared.ros2.environment import SOCKET_BYTES
 from robots.shared.wire import BlackBoxState
 from tests.processes import PATIENCE_S, until
-from tests.recorder_process import RecorderProcess, ends_with_its_robot
+from tests.recorder_process import RecorderProcess, ends_with_its_robot, messages_of
 from tests.ros2.conftest import OPTIONS, free_domain
 from tests.ros2.side import Side, needs_rclpy
 from tests.sides.side import Ros2Side
 from tests.sides.visitor import Visitor
 
 ODOMETRY, MAP, CAMERA = "/mobile_base_controller/odom", "/map", "/xtion/rgb/image_raw/compressed"
+RMEM_MAX = int(Path("/proc/sys/net/core/rmem_max").read_text())
+PICTURE_BYTES = 640 * 480 * 4
 
 pytestmark = needs_rclpy
 
@@ -78,6 +82,17 @@ def test_a_pressed_bumper_is_an_event_and_others_topics_are_found(
     topics = {one.topic for one in recorder.finishes(recording).topics}
     assert {"/bumper_front", "/tf", "/scan_raw"} <= topics and CAMERA not in topics
     assert not [topic for topic in topics if "/_action/" in topic]
+
+
+@pytest.mark.skipif(RMEM_MAX < SOCKET_BYTES, reason="this computer's sockets are too small: docs/limits.md")
+def test_large_pictures_come_though_nobody_sends_them_again(recorder: RecorderProcess, domain: int) -> None:
+    topic, count = "/wrist_camera/depth", 12
+    recording = recorder.begins([topic])
+    with closing(Side("tests.ros2.pictures_side", domain, str(domain), topic, str(count))) as camera:
+        camera.await_line("published")
+        found = messages_of(recorder.directory / recorder.finishes(recording).name)[topic]
+    assert len(found) >= 0.8 * count  # with the kernel's usual sockets at most a third came
+    assert all(len(data) > PICTURE_BYTES for _, data in found)
 
 
 def test_recordings_end_with_the_robot(tmp_path: Path) -> None:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[3]
 WHEELS = ROOT / ".ros2"  # what `script/setup ros2` installs
@@ -18,6 +20,9 @@ MULTICAST = "239.255.0.1"  # where nodes announce themselves
 _BESIDE_PEERS = {"subnet": (MULTICAST,), "localhost": ("127.0.0.1",), "off": ()}
 PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
 PROFILE_BEFORE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # until Jazzy
+SOCKET_BYTES = (
+    4 * 1024 * 1024
+)  # of what came and was not read yet; the kernel may allow less (net.core.rmem_max)
 READY = MESSAGES / "ready"  # written when both are whole
 VERSION = f"python{sys.version_info.major}.{sys.version_info.minor}"
 # The wheels start Python again with the libraries' folders, unless this is set.
@@ -63,6 +68,25 @@ def domain_environment(
     if discovery != "subnet" and not peers:
         found["ROS_AUTOMATIC_DISCOVERY_RANGE"], profile = "SYSTEM_DEFAULT", "only_here"
     return found | {PROFILE: str(Path(__file__).with_name(f"{profile}.xml"))}
+
+
+@contextmanager
+def wide_sockets() -> Iterator[None]:
+    """Context in which this process joins a domain, to let large pictures wait: best effort repeats nothing.
+
+    The kernel's usual 208 KiB do not hold one. Not for bridge and watchdog: what waits there, a stop waits behind.
+    """
+    present = {name: os.environ[name] for name in (PROFILE, PROFILE_BEFORE) if os.environ.get(name)}
+    wide = f"<type>UDPv4</type><receiveBufferSize>{SOCKET_BYTES}</receiveBufferSize>"
+    with TemporaryDirectory(prefix="fleet-") as folder:
+        for name, path in present.items():
+            text = Path(path).read_text(encoding="utf-8").replace("<type>UDPv4</type>", wide)
+            os.environ[name] = str(Path(folder, f"{name}.xml"))
+            Path(os.environ[name]).write_text(text, encoding="utf-8")
+        try:
+            yield
+        finally:
+            os.environ.update(present)
 
 
 def _main() -> None:

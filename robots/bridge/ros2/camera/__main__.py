@@ -12,6 +12,7 @@ from robots.bridge.ros2.participant import Participant
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.robot_ros import ros2
 from robots.shared.graph import CAMERA
+from robots.shared.ros2.environment import wide_sockets
 
 LEAVE_S = 0.5
 
@@ -23,7 +24,8 @@ class Domain:
     def joined(self, config: BridgeConfig) -> Iterator[None]:
         """Context: a node in the domain."""
         self._ros = ros2(config.ros)
-        self._participant = Participant(f"{CAMERA.strip('/')}_{os.getpid()}", self._ros.domain_id)
+        with wide_sockets():
+            self._participant = Participant(f"{CAMERA.strip('/')}_{os.getpid()}", self._ros.domain_id)
         self._participant.start()
         yield
         self._participant.close(LEAVE_S)

@@ -14,6 +14,7 @@ from robots.bridge.ros2.raw_topic import RawTopic, RawTopics
 from robots.bridge.tap.raw_topic import Take
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.graph import RECORDER, SystemState
+from robots.shared.ros2.environment import wide_sockets
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +62,8 @@ class RecordedTopics:
 
 def joined(config: BridgeConfig, at_end: Callable[[], object]) -> RecordedTopics:
     """Join the robot. `at_end` is called before the process ends with the robot."""
-    topics = RecordedTopics(config)
+    with wide_sockets():
+        topics = RecordedTopics(config)
     if not topics.found:
         raise SystemExit("nothing of this robot is in its domain")
 
