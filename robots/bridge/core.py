@@ -48,6 +48,8 @@ log = logging.getLogger(__name__)
 
 # zeros are repeated for this time after control has ended; then the topic is free for other nodes
 QUIET_AFTER_S = 1.0
+# A controller whose clock is behind keeps the last twist for so much longer than its time-out (PAL's: 0.25 s)
+STAMP_SKEW_S = 0.1
 READ_WITHIN_S = 0.05  # a message is read within this time after its arrival
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -330,7 +332,7 @@ class Core:
         A controller whose clock is ahead would take no velocity; one whose clock is behind would go on for as long
         after the last one.
         """
-        return abs(self.reports.skew_s or 0.0) <= CLOCK_SKEW_S
+        return abs(self.reports.skew_s or 0.0) <= STAMP_SKEW_S
 
     @property
     def in_use(self) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 from robots.simulator.physics.base import Twist
 from robots.simulator.ros_side import RosSide
 
-OLD_S = 0.5  # of a stamp: the base's controller refuses what is older
+OLD_S = 0.25  # of a stamp: the base's controller, as PAL sets it, refuses what is older
 NANO = 1e-9
 
 
