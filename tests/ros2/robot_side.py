@@ -44,8 +44,8 @@ def main() -> None:
 
     def serve_cancel(action: str, word: str) -> None:
         def cancel(request: CancelGoal.Request, answer: CancelGoal.Response) -> CancelGoal.Response:
-            zero = not any(request.goal_info.goal_id.uuid) and not request.goal_info.stamp.sec
-            tell(word, "all" if zero else "one")
+            goal, stamp = request.goal_info.goal_id, request.goal_info.stamp
+            tell(word, "one" if any(goal.uuid) or stamp.sec or stamp.nanosec else "all")
             return answer
 
         node.create_service(CancelGoal, f"{action}/_action/cancel_goal", cancel)

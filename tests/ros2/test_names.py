@@ -1,5 +1,7 @@
 """A ROS 2 robot in a namespace, with later software than its profile names: found by type, driven and stopped."""
 
+import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from tests.ros import bridge_support
 from tests.ros.bridge_support import BridgeProcess, Hand, drivable, guarded_bridge
 from tests.ros2.side import Side, needs_rclpy
 from tests.sides.side import Ros2Side
+from tests.sides.turning import turn
 from tests.sides.visitor import Visitor
 
 NAMESPACE = "/tiago1"
@@ -29,6 +32,9 @@ OPTIONS = (
     "--exit-with-parent",
 )
 CANCELED = 5
+VELOCITIES = f"{NAMESPACE}/key_vel", "geometry_msgs/TwistStamped"
+NEAR_S = 5.0  # on a busy computer
+AHEAD_S = 0.3  # a controller refuses stamps of a clock that is so much behind its own
 GOALS = f"{NAMESPACE}/head_controller/point_head_action/_action/status"
 
 pytestmark = needs_rclpy
@@ -75,13 +81,44 @@ def test_a_killed_bridge_leaves_a_zero_that_the_robot_takes(
 ) -> None:
     process, hand = bridge
     hand.take_control(1)
-    topic = f"{NAMESPACE}/key_vel"
-    with visitor.listen(topic, "geometry_msgs/TwistStamped") as twists:
+    with visitor.listen(*VELOCITIES) as twists:
         twists.next()
         hand.drive_until(0.5, lambda state: state.odometry.vx > 0.1, "motion")
         process.kill()
         twists.until(lambda message: message.twist.linear.x > 0.0)
-        twists.until(lambda message: message.twist.linear.x == 0.0)
+        for has in (_zero_stamp, _stamp_of_now):  # the robot takes one of them by any clock
+            twists.until(lambda message, has=has: message.twist.linear.x == 0.0 and has(message))
+
+
+def test_velocities_have_our_stamp_only_while_the_clocks_agree(hand: Hand, visitor: Visitor) -> None:
+    hand.take_control(1)
+    with (
+        visitor.listen(*VELOCITIES) as twists,
+        visitor.speak(f"{NAMESPACE}/ground_truth/fault", "std_msgs/String") as fault,
+    ):
+
+        def turns_with(has: Callable[[Any], bool]) -> None:
+            """Turn until all velocities have this stamp since the last look."""
+
+            def all_have(_: wire.State) -> bool:
+                turning = [message for message in twists.drain() if message.twist.angular.z > 0.0]
+                return bool(turning) and all(map(has, turning))
+
+            turn(hand, all_have)
+
+        turns_with(_stamp_of_now)
+        fault.publish(data=f"clock_ahead_s={AHEAD_S}")
+        turns_with(_zero_stamp)
+        fault.publish(data="none")
+        turns_with(_stamp_of_now)
+
+
+def _zero_stamp(message: Any) -> bool:
+    return bool(message.header.stamp == 0.0)
+
+
+def _stamp_of_now(message: Any) -> bool:
+    return abs(message.header.stamp - time.time()) < NEAR_S
 
 
 def test_it_speaks_by_the_only_voice_that_it_has(hand: Hand) -> None:
