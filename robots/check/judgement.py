@@ -17,7 +17,6 @@ from robots.description.drawable import drawable
 from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig, Topic
 from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
 from robots.shared.configuration.robot_ros import Ros, Ros1, Ros2
-from robots.shared.messages.type_names import bare
 from robots.shared.processes.probe_findings import (
     BRIDGE,
     FEEDBACK,
@@ -35,7 +34,6 @@ from robots.shared.sentences import reason_of
 from robots.shared.urdf.document import BadDescription
 
 NEEDED = ("odometry", "scan")  # required for motion
-STAMPED_DRIVE = "geometry_msgs/TwistStamped"
 QUIET = ("battery", "charging", "speech", "motions", "gripper", "torso")  # may be silent for a long time
 TYPE_HASH = "RIHS"  # begins a hash of ROS 2, in place of an md5 sum
 MOST_LEFT_OUT = 3  # parts of a description that a result names
@@ -53,7 +51,7 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
         return
     if findings.callback is not None:
         yield _names_there(findings.callback)
-    yield _clock(config, findings)
+    yield _clock(findings)
     if isinstance(config.ros, Ros2):
         yield from domain_checks(findings)
     heard = zip(listened_of(config), findings.topics, strict=True)
@@ -123,7 +121,7 @@ def _names_there(callback: CallbackFound) -> Check:
     return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
 
 
-def _clock(config: BridgeConfig, findings: Findings) -> Check:
+def _clock(findings: Findings) -> Check:
     name = _("clock")
     if findings.clock_is_simulated:
         return Check(name, OK, _("The robot’s clock is simulated (/use_sim_time): ages are not compared."))
@@ -137,11 +135,6 @@ def _clock(config: BridgeConfig, findings: Findings) -> Check:
     ahead = _("The robot’s stamps are %s s ahead of the console’s clock.")
     behind = _("The robot’s stamps are %s s behind the console’s clock.")
     text = (ahead if skew_s > 0 else behind) % localised(abs(skew_s), ".1f")
-    if bare(config.topics.drive.type) == STAMPED_DRIVE:
-        advice = _(
-            "Let both follow the same time server (chrony): the robot refuses velocities with old stamps."
-        )
-        return Check(name, FAIL, text, advice)
     advice = _(
         "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
     )

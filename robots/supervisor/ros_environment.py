@@ -89,7 +89,7 @@ def _ros2_environment(ros: Ros2) -> dict[str, str]:
     if ros.setup:
         given = distribution.variables(ros.setup)
         environment = {name: value for name, value in given.items() if name not in NOT_INHERITED}
-    elif wheels.READY.is_file():
+    elif wheels.READY.is_file() and wheels.site_packages(wheels.WHEELS).is_dir():
         environment = wheels.ros_environment([wheels.MESSAGES, wheels.WHEELS])
         environment["PYTHONPATH"] = _without_ros(os.environ.get("PYTHONPATH", ""))
     else:

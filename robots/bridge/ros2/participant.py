@@ -169,9 +169,7 @@ class Participant:
 
         @guarded
         def receive(raw: bytes, info: Any) -> None:
-            if (
-                not raw
-            ):  # DDS lost its data, as of large pictures in a hurry: no message has less than its mark
+            if not raw:  # its data are lost, as of large pictures in a hurry: a message has its mark at least
                 return
             if len(raw) > most:
                 complain_of_size(topic, len(raw), most)

@@ -23,6 +23,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / name).mkdir()
     monkeypatch.setattr(wheels, "READY", tmp_path / "MESSAGES" / "ready")
     wheels.READY.touch()
+    wheels.site_packages(wheels.WHEELS).mkdir(parents=True)
     return tmp_path / "WHEELS"
 
 
@@ -86,8 +87,10 @@ def test_packages_of_a_shell_do_not_come_before_the_console_s_own(
     assert environment_of(Ros2())["PYTHONPATH"] == str(mine)
 
 
-def test_without_rclpy_the_robot_says_what_to_install(installed) -> None:
-    wheels.READY.unlink()
+@pytest.mark.parametrize("lacks", [lambda: wheels.READY, lambda: wheels.site_packages(wheels.WHEELS)])
+def test_without_rclpy_for_this_python_the_robot_says_what_to_install(installed, lacks) -> None:
+    """After an upgrade of Python its packages are in the folder of the Python before."""
+    lacks().rename(installed / "before")
     with pytest.raises(
         Unready, match="bridge needs rclpy, which is not installed on its computer: script/setup ros2"
     ):
