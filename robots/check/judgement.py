@@ -124,7 +124,7 @@ def _names_there(callback: CallbackFound) -> Check:
 def _clock(findings: Findings) -> Check:
     name = _("clock")
     if findings.clock_is_simulated:
-        return Check(name, OK, _("The robot’s clock is simulated (/use_sim_time): ages are not compared."))
+        return Check(name, OK, _("The robot’s clock is simulated (use_sim_time): ages are not compared."))
     skews = [topic.skew_s for topic in findings.topics if topic.skew_s is not None]
     if not skews:
         return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))

@@ -45,7 +45,13 @@ def test_all_faults_are_named_at_once(side: Side, registered: Robot, visitor: Vi
         speaks(SCANS, "std_msgs/String")
         speaks(SONARS, "sensor_msgs/Range")  # and says nothing
         speaks(DRIVE, "geometry_msgs/Twist")
+        speaks("/clock", "rosgraph_msgs/Clock")  # of a stranger: the robot's nodes do not follow it
         answers = check(registered)
+        node = "" if side.number == 1 else visitor.name
+        visitor.set_parameter(node, "use_sim_time", True)
+        simulated = check(registered)["clock"]["text"]
+        visitor.set_parameter(node, "use_sim_time", False)
+    assert simulated == "The robot’s clock is simulated (use_sim_time): ages are not compared."
     found = {name: (answer["level"], answer["text"]) for name, answer in answers.items()}
     assert found["odometry"][0] == "ok"
     assert found["clock"][0] == "warn" and "s ahead of the console’s clock" in found["clock"][1]

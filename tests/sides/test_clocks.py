@@ -14,6 +14,7 @@ from tests.sides.visitor import Visitor
 
 HOUR_S = 3600.0
 BEGAN_S = 100.0  # of the simulated clock
+ODOMETRY_NODE = "/simulator_tiago_1"  # with ROS 2 it says whether it follows a simulated clock
 
 
 def test_a_laser_with_another_clock_stops_the_robot_and_is_named(
@@ -43,8 +44,7 @@ def test_a_simulated_clock_begins_and_ends_during_a_drive(
     side: Side, visitor: Visitor, hand: Hand, fault: Callable[[str], None]
 ) -> None:
     def simulated(whether: bool) -> None:
-        if side.number == 1:
-            visitor.set_parameter("", "use_sim_time", whether)
+        visitor.set_parameter("" if side.number == 1 else ODOMETRY_NODE, "use_sim_time", whether)
 
     turn(hand)
     simulated(True)
@@ -56,3 +56,17 @@ def test_a_simulated_clock_begins_and_ends_during_a_drive(
     simulated(False)
     fault("none")
     turn(hand, lambda state: state.clock_skew_s is not None)  # it is compared again
+
+
+def test_a_clock_of_strangers_hides_no_skew(
+    visitor: Visitor, hand: Hand, fault: Callable[[str], None]
+) -> None:
+    """Such as of a recording that somebody plays: the robot's own nodes do not follow it."""
+    fault(f"clock_ahead_s={HOUR_S}")
+    turn(hand, lambda state: state.clock_skew_s)
+    with visitor.speak("/clock", "rosgraph_msgs/Clock", listeners=0) as clock:
+        clock.repeat(20.0, clock=BEGAN_S)
+        with visitor.speak("/key_vel", "geometry_msgs/Twist"):
+            hand.state_until(lambda state: state.foreign, "a survey that also sees the clock")
+        state = hand.state_until(lambda state: not state.foreign, "one more survey")
+        assert state.clock_skew_s and abs(state.clock_skew_s - HOUR_S) < 60.0

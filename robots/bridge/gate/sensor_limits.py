@@ -250,7 +250,7 @@ class SensorLimits:
             why = say("{late} after {delay:.2f} s", late=who, delay=delay_s)
             if code == "robot_late" and slow_clock is not None:
                 why = say(
-                    "{late} by its clock, which runs at {pace:.2f} of our pace (simulated? set /use_sim_time)",
+                    "{late} by its clock, which runs at {pace:.2f} of our pace (simulated? set use_sim_time)",
                     late=why,
                     pace=slow_clock,
                 )

@@ -30,6 +30,7 @@ from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros2 import tasks
 from robots.bridge.ros2.drive import FLUSH_S, Drives, publish_still, velocity_bytes
 from robots.bridge.ros2.followed import FollowedTopics
+from robots.bridge.ros2.network.clock import SimulatedClock
 from robots.bridge.ros2.network.domain_monitor import DomainMonitor
 from robots.bridge.ros2.network.graph import Graph, node_name
 from robots.bridge.ros2.network.interfaces import Joined
@@ -57,7 +58,6 @@ log = logging.getLogger(__name__)
 P = TypeVar("P")
 PARTS = kinds_in(tasks)
 
-CLOCK = "/clock"  # published where time is simulated
 LEAVE_S = 1.0
 LISTENER_PATIENCE_S = 0.5
 # Between reads while the robot stands without a driver: shorter than each sensor's limit, and no queue overflows.
@@ -100,6 +100,7 @@ class RosBase:
         self.graph: Graph
         self.followed: FollowedTopics
         self._presence: Presence
+        self._clock: SimulatedClock
         self._misfits: Problems
         self._listeners: Listeners
         self._sensors: SensorTopics
@@ -233,7 +234,8 @@ class RosBase:
         )
         self.graph = Graph(participant.node)
         self._listeners = Listeners(Graph(participant.node))
-        self.parameters = NodeParameters(participant)
+        self.parameters = parameters = NodeParameters(participant)
+        self._clock = SimulatedClock(self.graph, parameters, config.topics.odometry.name)
         self._misfits = Problems(self.graph)
         self._presence = Presence(participant, f"{namespace}{BRIDGE}/presence", socket.gethostname())
         self.followed = FollowedTopics(participant, self.graph)
@@ -294,7 +296,7 @@ class RosBase:
         self._cancels.look()
         system = self._system()
         self._surveys.surveyed(system, drive, self._problems(drive))
-        self._reception.follow_clock(bool(system.publishers.get(CLOCK)))
+        self._reception.follow_clock(self._clock.look())
         self._look_for_restart()
         if self._description.text != self._text:
             self._text = self._description.text
@@ -353,7 +355,7 @@ class RosBase:
         ]
         seen = [topic for topic in (topics.odometry, topics.joint_states, topics.map) if topic]
         names = [topic.name for topic in (*map(goal_topic, inputs), *seen)]
-        names += [CLOCK, *(scan.topic for scan in topics.scans)]
+        names += [scan.topic for scan in topics.scans]
         return self.graph.system([*names, self._inputs.drive, f"{namespace}/tf"])
 
     def _run_of_map_server(self, node: str) -> object:

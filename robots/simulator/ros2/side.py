@@ -44,11 +44,20 @@ class RclpySide:
         self._context = context
         # Kilted's EventsExecutor loses messages.
         self._executor = SingleThreadedExecutor(context=context)
-        self.node = self._add_node(name, parameters=False)
+        self.node = self.add_node(name)
 
     def add_node(self, name: str) -> Node:
-        """Return one more node, with parameters."""
-        return self._add_node(name, parameters=True)
+        """Return one more node."""
+        node = Node(
+            name,
+            namespace=self._namespace,
+            context=self._context,
+            cli_args=[],
+            use_global_arguments=False,
+            enable_rosout=False,
+        )
+        self._executor.add_node(node)
+        return node
 
     def spin(self) -> None:
         """Hand over messages, until the context is shut down."""
@@ -112,19 +121,6 @@ class RclpySide:
 
     def octet(self, value: int) -> bytes:
         return bytes([value])
-
-    def _add_node(self, name: str, *, parameters: bool) -> Node:
-        node = Node(
-            name,
-            namespace=self._namespace,
-            context=self._context,
-            cli_args=[],
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=parameters,
-        )
-        self._executor.add_node(node)
-        return node
 
     def _resolved(self, name: str) -> str:
         return f"{self._namespace.rstrip('/')}{name}"

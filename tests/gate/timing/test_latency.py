@@ -529,4 +529,4 @@ def test_the_limit_of_a_robot_with_a_slow_clock_says_why(tiago):
         tiago.odometry()
     tiago.all()
     text = tiago.decide(1.0).text
-    assert "by its clock, which runs at 0.70 of our pace (simulated? set /use_sim_time)" in text
+    assert "by its clock, which runs at 0.70 of our pace (simulated? set use_sim_time)" in text

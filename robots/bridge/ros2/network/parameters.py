@@ -11,6 +11,7 @@ from robots.bridge.ros2.participant import Participant
 from robots.shared.texts import MOST_MOTIONS
 
 PATIENCE_S = 3.0
+GET = "/get_parameters"
 MOST = 20 * MOST_MOTIONS  # parameters of one node
 FIELDS = {
     ParameterType.PARAMETER_BOOL: "bool_value",
@@ -47,7 +48,7 @@ class NodeParameters:
         listing = ListParameters.Request(prefixes=[prefix] if prefix else [])
         names = self._ask(ListParameters, f"{node}/list_parameters", listing).result.names[:MOST]
         wanted = GetParameters.Request(names=names)
-        values = self._ask(GetParameters, f"{node}/get_parameters", wanted).values if names else []
+        values = self._ask(GetParameters, f"{node}{GET}", wanted).values if names else []
         table: dict[str, Any] = {}
         for name, value in zip(names, values, strict=False):
             *path, last = name.removeprefix(prefix).strip(".").split(".")
@@ -58,8 +59,18 @@ class NodeParameters:
             place[last] = _plain(value)
         return table
 
-    def _ask(self, kind: Any, service: str, request: Any) -> Any:
-        return self._participant.ask(kind, service, request, PATIENCE_S)
+    def has(self, node: str) -> bool:
+        """Return whether a node seems to have parameters, without a question."""
+        return bool(self._participant.node.count_services(f"{node}{GET}"))
+
+    def value(self, node: str, name: str, patience_s: float) -> Any:
+        """Return one parameter; None if the node does not have it. Raises `Unreachable`."""
+        wanted = GetParameters.Request(names=[name])
+        values = self._ask(GetParameters, f"{node}{GET}", wanted, patience_s).values
+        return _plain(values[0]) if values else None
+
+    def _ask(self, kind: Any, service: str, request: Any, patience_s: float = PATIENCE_S) -> Any:
+        return self._participant.ask(kind, service, request, patience_s)
 
 
 def _plain(value: Any) -> Any:

@@ -23,8 +23,10 @@ from robots.bridge.robot.description.described import described
 from robots.bridge.ros2.definitions import type_hash
 from robots.bridge.ros2.drive import kind_heard
 from robots.bridge.ros2.message_types import TypeUnknown, message_class
-from robots.bridge.ros2.network.graph import node_name, nodes
+from robots.bridge.ros2.network.clock import SimulatedClock
+from robots.bridge.ros2.network.graph import Graph, node_name, nodes
 from robots.bridge.ros2.network.offers import lacking, refused
+from robots.bridge.ros2.network.parameters import NodeParameters
 from robots.bridge.ros2.network.searching import (
     FOUND_S,
     LEAVE_S,
@@ -93,12 +95,13 @@ def _found(participant: Participant, plan: Plan, ros: Ros2) -> Findings:
     participant.start()
     _until(lambda: all(one.done for one in heard), plan.listen_s + CONNECTED_S)
     last = heard.pop().last
+    clock = SimulatedClock(Graph(participant.node), NodeParameters(participant), plan.listened[0].topic)
     return Findings(
         topics=[one.found() for one in heard],
         drive=_commanded(participant, plan.drive),
         commands={what: _commanded(participant, topic) for what, topic in plan.commands.items()},
         description=described(plan.arm, deserialize_message(last, String).data if last else None),
-        clock_is_simulated=bool(participant.node.count_publishers("/clock")),
+        clock_is_simulated=clock.look(),
         twins=sorted(name for name, count in Counter(others(participant)).items() if count > 1),
         namespaces=_namespaces(participant, plan, ros),
     )
