@@ -125,5 +125,5 @@ def test_how_this_computer_searched_is_said(check, empty_domain: int) -> None:
 def test_where_multicast_leaves_this_computer_is_said(check, empty_domain: int) -> None:
     text = check(domain_id=empty_domain, discovery="subnet")["domain"]["text"]
     networks = [f"{one.address} ({one.name})" for one in sorted(interfaces()) if one.takes_multicast]
-    way = f"Multicast leaves this computer from {', '.join(networks)}."
+    way = f"Multicast can leave this computer from {', '.join(networks)}."
     assert text.endswith(way if networks else "No network of this computer takes multicast.")

@@ -95,7 +95,7 @@ def test_a_press_on_the_map_sends_the_robot_there(person: Arrive) -> None:
         if operator.state["going_ended"]["outcome"] == "arrived":
             break
         operator.until_still()
-    assert operator.state["going_ended"]["outcome"] == "arrived"
+    assert operator.state["going_ended"]["outcome"] == "arrived", operator.state["going_ended"]
     there = operator.state["location"]
     assert math.dist((there["x"], there["y"]), place) < 0.35
 

@@ -112,7 +112,7 @@ class Ros1:
         """Return a value, or the tree below `name`."""
         return self._master.parameter(name)
 
-    def set_parameter(self, name: str, value: Any) -> None:
+    def set_parameter(self, name: str, value: Any, require_time: Callable[[], None]) -> None:
         """Set a parameter; XML-RPC must be able to carry its value."""
         try:
             xmlrpc.client.dumps((value,))
@@ -120,8 +120,10 @@ class Ros1:
             raise BadField(
                 name, "{path}: a parameter is a text, a number, true or false, or made of these."
             ) from error
+        require_time()
         self._master.call("setParam", name, value)
 
-    def delete_parameter(self, name: str) -> None:
+    def delete_parameter(self, name: str, require_time: Callable[[], None]) -> None:
         """Delete a parameter, or the tree below it."""
+        require_time()
         self._master.call("deleteParam", name)

@@ -5,6 +5,7 @@ A name without a colon is a node: the tree of all its parameters. "/" is the tre
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
@@ -59,7 +60,7 @@ class Parameters:
         table = self._nodes.below(node, ".".join(before))
         return table.get(last) if path else table
 
-    def set(self, name: str, value: Any) -> None:
+    def set(self, name: str, value: Any, require_time: Callable[[], None]) -> None:
         """Set one parameter of a node. Raises BadField, Declined or Unreachable."""
         node, colon, path = name.partition(":")
         if not colon or not path:
@@ -73,19 +74,20 @@ class Parameters:
             raise BadField(
                 name, "{path}: a parameter is a text, a number, true or false, or a list of one of these."
             ) from error
-        self._send(node, parameter)
+        self._send(node, parameter, require_time)
 
-    def delete(self, name: str) -> None:
+    def delete(self, name: str, require_time: Callable[[], None]) -> None:
         """Take a parameter's value away, if its node allows that. Raises Declined or Unreachable."""
         node, _, path = name.partition(":")
         parameter = Parameter(path).to_parameter_msg()
         parameter.value.type = ParameterType.PARAMETER_NOT_SET
-        self._send(node, parameter)
+        self._send(node, parameter, require_time)
 
-    def _send(self, node: str, parameter: Any) -> None:
+    def _send(self, node: str, parameter: Any, require_time: Callable[[], None]) -> None:
         request = SetParameters.Request(parameters=[parameter])
         try:
-            (result,) = self._participant.ask(SetParameters, f"{node}{SET}", request, ALL_S).results
+            found = self._participant.ask(SetParameters, f"{node}{SET}", request, ALL_S, require_time)
+            (result,) = found.results
         except ValueError as error:
             raise Unreachable(say("{service} does not answer", service=f"{node}{SET}")) from error
         if not result.successful:

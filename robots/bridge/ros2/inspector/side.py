@@ -94,13 +94,13 @@ class Ros2:
         """Return a value, or the tree below `name`."""
         return self._parameters.value(name)
 
-    def set_parameter(self, name: str, value: Any) -> None:
+    def set_parameter(self, name: str, value: Any, require_time: Callable[[], None]) -> None:
         """Set one parameter of a node."""
-        self._parameters.set(name, value)
+        self._parameters.set(name, value, require_time)
 
-    def delete_parameter(self, name: str) -> None:
+    def delete_parameter(self, name: str, require_time: Callable[[], None]) -> None:
         """Take a parameter's value away."""
-        self._parameters.delete(name)
+        self._parameters.delete(name, require_time)
 
 
 def _text(type_name: str) -> str:

@@ -94,7 +94,7 @@ def _searched(ros: Ros2) -> Iterator[str]:
     elif ros.discovery == "off":
         yield say("Only the static peers were asked.")
     elif leaving := [f"{one.address} ({one.name})" for one in sorted(interfaces()) if one.takes_multicast]:
-        yield say("Multicast leaves this computer from {address}.", address=", ".join(leaving))
+        yield say("Multicast can leave this computer from {address}.", address=", ".join(leaving))
     else:
         yield say("No network of this computer takes multicast.")
     first = FIRST_PORT + PORTS * ros.domain_id + FIRST_UNICAST

@@ -211,7 +211,7 @@ class Inspector:
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
                 self._require_admissible(name, value)
-                side.set_parameter(name, value)
+                side.set_parameter(name, value, question.require_time)
                 return parameters.parameter(side, name, seq)
             case wire.CallService(service=name, fields=fields, seq=seq, whole=whole):
                 service = side.service(name)
@@ -220,9 +220,9 @@ class Inspector:
                 called, shortened = calls.call(side.call, service, fields, question.require_time, detail)
                 return wire.Called(name, called, seq, shortened)
             case door:
-                return self._answered_door(door)
+                return self._answered_door(door, question.require_time)
 
-    def _answered_door(self, ask: wire.DoorQuery) -> wire.DoorAnswer:
+    def _answered_door(self, ask: wire.DoorQuery, require_time: Callable[[], None]) -> wire.DoorAnswer:
         side = self._side
         match ask:
             case wire.ListServiceTypes(services=names, seq=seq):
@@ -239,7 +239,7 @@ class Inspector:
                 self._require("set", name)
                 self._require_admissible(name, None)
                 parameters.require(side, name)
-                side.delete_parameter(name)
+                side.delete_parameter(name, require_time)
                 return wire.Parameter(name, None, seq)
             case wire.GetTime(seq=seq):
                 now_ns = time.time_ns() + round(1e9 * (self._clock.skew_s or 0.0))

@@ -122,10 +122,10 @@ class InspectorSide(Protocol):
         """Return a parameter's value, or the tree below this name; None if there is none. "/" is the tree of all."""
         ...
 
-    def set_parameter(self, name: str, value: Any) -> None:
-        """Set a parameter. Raises BadField for values that ROS cannot carry."""
+    def set_parameter(self, name: str, value: Any, require_time: Callable[[], None]) -> None:
+        """Set a parameter. Raises BadField for values that ROS cannot carry. `require_time`: as for `call`."""
         ...
 
-    def delete_parameter(self, name: str) -> None:
-        """Delete a parameter that exists, or the tree below it."""
+    def delete_parameter(self, name: str, require_time: Callable[[], None]) -> None:
+        """Delete a parameter that exists, or the tree below it. `require_time`: as for `call`."""
         ...
