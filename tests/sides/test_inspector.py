@@ -262,9 +262,11 @@ def test_types_are_described_also_without_a_topic(side: Side, inspector: Inspect
 def test_definitions_of_all_topics_are_listed(
     side: Side, inspector: InspectorProcess, visitor: Visitor
 ) -> None:
+    def told() -> bool:
+        return "string data" in inspector.ask(wire.ListDefinitions()).texts.get(side.type(STRING), "")
+
     with visitor.listen("/notes", STRING):
-        texts = inspector.ask(wire.ListDefinitions()).texts
-    assert "string data" in texts[side.type(STRING)]
+        until(told, "the definition")
 
 
 def test_the_robots_time_is_told(inspector: InspectorProcess) -> None:
