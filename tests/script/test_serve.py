@@ -202,9 +202,7 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
         end_without_a_rest(served, console)
 
 
-def test_parts_that_are_killed_come_back_and_a_stop_outlives_the_console(
-    served: Served, master_uri: str
-) -> None:
+def test_killed_parts_come_back_and_a_stop_outlives_the_console(served: Served, master_uri: str) -> None:
     with running(served) as console:
         cookie = first_run(served, master_uri)
         asyncio.run(drive_stop_edit(served, cookie))

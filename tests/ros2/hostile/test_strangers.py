@@ -103,7 +103,7 @@ def test_a_stop_cancels_goals_of_so_many_servers_and_no_more(domain: int) -> Non
         assert side.await_line("left") == ["left", "False"]
 
 
-def test_a_slow_look_at_actions_delays_no_zero_on_a_chosen_drive_topic(domain: int) -> None:
+def test_a_slow_look_at_actions_delays_no_zero_on_a_new_topic(domain: int) -> None:
     with scenario(domain, "slow") as side:
         assert side.await_line("heard") == ["heard", "0.0"]
 
