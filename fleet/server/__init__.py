@@ -9,6 +9,9 @@
 # Extension of a WebSocket's scope: the application passes it a function that gets each text first, if no other waits.
 # If the function returns False, the text comes as an event. An event costs a turn of the loop and a queue.
 AT_ONCE = "fleet.at_once"
+# Extension of a WebSocket's scope: the server's own `send`, for all after the handshake. The application's `send` asks
+# each layer between, such as the session's, about each message.
+SEND = "fleet.send"
 # Extension of a WebSocket's scope: an `asyncio.Event`, set while the client reads what is sent (64 KiB may wait).
 WRITABLE = "fleet.writable"
 # Extension of a WebSocket's scope: a function that pings the client, which every WebSocket answers by itself. It gets a

@@ -12,7 +12,7 @@ from typing import Any
 
 from fleet.base.web import stop_addresses
 from fleet.base.web.network_addresses import network_of
-from fleet.server import AT_ONCE, PING, READ_ON, WRITABLE, limits
+from fleet.server import AT_ONCE, PING, READ_ON, SEND, WRITABLE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
@@ -75,6 +75,7 @@ class Front:
         extensions = {
             **scope.get("extensions", {}),
             AT_ONCE: socket.receive_at_once,
+            SEND: socket.send,
             WRITABLE: guard.writable,
             PING: socket.ping,
             READ_ON: guard.always_read,

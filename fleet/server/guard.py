@@ -268,9 +268,21 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
 
     def write_at_once(self, data: bytes) -> None:
         """Write, and send it without a turn of the loop if no older bytes wait."""
-        self.write(data)
-        if self.writable.is_set() and not self._leaving and self.transport.doWrite():
-            self.transport.abortConnection()  # it is lost
+        transport = self.transport
+        if self._leaving or not self.writable.is_set():
+            self.write(data)
+        elif ISSLTransport.providedBy(transport):
+            self.write(data)
+            if transport.doWrite():
+                transport.abortConnection()  # it is lost
+        elif transport in transport.reactor.getWriters():
+            self.write(data)
+        else:  # without `write`, which would ask the kernel twice whether it may send
+            sent = transport.writeSomeData(data)
+            if isinstance(sent, Exception):
+                transport.abortConnection()
+            elif sent < len(data):
+                self.write(data[sent:])
 
     def pauseProducing(self) -> None:
         """Do nothing: `read_or_pause` decides."""

@@ -14,7 +14,7 @@ from typing import Any
 
 from channels.consumer import AsyncConsumer
 
-from fleet.server import AT_ONCE, WRITABLE
+from fleet.server import AT_ONCE, SEND, WRITABLE
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say
 from robots.shared.wire import (
@@ -88,14 +88,15 @@ class MessageSocket(AsyncConsumer):
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Run the connection (ASGI application)."""
         self.scope: Any = scope
-        self.asgi_send = send
+        extensions = scope.get("extensions", {})
+        self.asgi_send = extensions.get(SEND, send)
         await receive()  # websocket.connect
         offered = scope.get("subprotocols", ())
         chosen = next((one for one in self.subprotocols if one in offered), None)
         await send({"type": "websocket.accept", "subprotocol": chosen})
         try:
             await self.on_open()
-            if offer := scope.get("extensions", {}).get(AT_ONCE):
+            if offer := extensions.get(AT_ONCE):
                 offer(self._received_at_once)
             while (event := await receive())["type"] != "websocket.disconnect":
                 if not self._closing:

@@ -168,26 +168,52 @@ async def test_a_text_at_once_never_overtakes_one_that_waits():
     guard.connectionLost(Failure(ConnectionAborted()))
 
 
-async def test_a_message_leaves_without_a_turn_of_the_loop(guard):
-    """The first of many readers does not wait for the last one. A lost connection ends, and nothing is raised."""
-    ended = []
-    reactor = SimpleNamespace(callLater=lambda _s, end, why: ended.append((end, why)))
-    for each in ("addReader", "addWriter", "removeReader", "removeWriter"):
-        setattr(reactor, each, lambda _: None)
-    ours, client = socket.socketpair()
-    with client:
+@pytest.fixture
+def client(guard):
+    """Another end of the guard's connection. `ended`: who ends it, and why; `writers`: who waits for the kernel."""
+    ended, writers = [], set()
+    reactor = SimpleNamespace(
+        callLater=lambda _s, end, why: ended.append((end, why)),
+        addReader=lambda _: None,
+        removeReader=lambda _: None,
+        addWriter=writers.add,
+        removeWriter=writers.discard,
+        getWriters=lambda: list(writers),
+    )
+    ours, theirs = socket.socketpair()
+    with theirs:
         ours.setblocking(False)
+        theirs.setblocking(False)
         port = SimpleNamespace(_realPortNumber=0)
         guard.makeConnection(Server(ours, guard, ("127.0.0.1", 1), port, 0, reactor))
-        guard.write_at_once(b"one")
-        guard.write_at_once(b"two")
-        client.setblocking(False)
-        assert client.recv(100) == b"onetwo"
-    assert not ended
+        yield SimpleNamespace(socket=theirs, ended=ended, writers=writers)
+
+
+async def test_a_message_leaves_without_a_turn_of_the_loop(guard, client):
+    """The first of many readers does not wait for the last one. A lost connection ends, and nothing is raised."""
+    guard.write_at_once(b"one")
+    guard.write_at_once(b"two")
+    assert client.socket.recv(100) == b"onetwo"
+    assert not client.ended
+    client.socket.close()
     guard.write_at_once(b"three")
-    [(end, why)] = ended
+    [(end, why)] = client.ended
     end(why)
     assert guard.is_lost
+
+
+async def test_a_message_at_once_never_overtakes_one_that_waits(guard, client):
+    sent = b""
+    while not client.writers:
+        sent += (piece := bytes([len(sent) // 10_000 % 256]) * 10_000)
+        guard.write_at_once(piece)
+    assert guard.writable.is_set()
+    received = client.socket.recv(50_000)  # there is room for the last one now
+    guard.write_at_once(b"last")
+    while client.writers:
+        next(iter(client.writers)).doWrite()
+        received += client.socket.recv(1_000_000)
+    assert received == sent + b"last"
 
 
 def text_frame(text):
