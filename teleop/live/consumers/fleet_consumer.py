@@ -30,7 +30,6 @@ log = logging.getLogger(__name__)
 
 SLOW_S = 1.0  # between two updates when no important value changed
 FAST_S = 0.1  # between two messages, also when one changed
-BEAT_S = 0.2  # between two messages of any kind: pages look old after 0.5 s without one
 SPREAD_S = 0.0002  # for each page: the loop must not send to hundreds of pages in one turn
 
 _BEAT = wire.encode(wire.Beat()).decode()
@@ -54,14 +53,13 @@ class FleetConsumer(MessageSocket, FleetPage):
         super().__init__()
         self._robots: dict[str, tuple[RobotCard, Own]] = {}
         self._shown: dict[str, tuple[int, Own]] | None = None  # version of each card; None: nothing was sent
-        self._acknowledged = True
+        self._acknowledged = False  # nothing is sent before the page follows what its person may see
         self._is_new = self._is_urgent = True  # what the cards show; some of it should be seen at once
         self._shown_s = self._sent_s = float("-inf")
-        self._alarm: asyncio.Future[None] | None = None
+        self._alarm: asyncio.TimerHandle | None = None  # of an urgent update
         self._place = random.random()  # noqa: S311 - among the pages that hear of something at the same time
         self._buttons: dict[str, StopButton] = {}
         self._clearing: set[str] = set()  # robots with a running clear
-        self._showing: asyncio.Task[None] | None = None
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -69,12 +67,13 @@ class FleetConsumer(MessageSocket, FleetPage):
         """Show the robots, and keep them up to date."""
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         await board.join(self)
-        self._showing = run_in_background(self._keep_showing())
+        self._acknowledged = True
+        await self.beat()
 
     async def on_close(self) -> None:
         board.leave(self)
-        if self._showing is not None:
-            self._showing.cancel()
+        if self._alarm is not None:
+            self._alarm.cancel()
 
     # --- messages ----------------------------------------------------------------------------------
 
@@ -169,19 +168,15 @@ class FleetConsumer(MessageSocket, FleetPage):
 
     # --- updates -----------------------------------------------------------------------------------
 
-    async def _keep_showing(self) -> None:
-        while True:
-            try:
-                await self._show()
-            except Exception:
-                self._acknowledged = self._is_new = True
-                self._shown, self._shown_s = None, self._sent_s
-                log.exception("A fleet page was not updated.")
-            self._alarm = asyncio.get_running_loop().create_future()
-            timer = _set_alarm(self._alarm, BEAT_S)
-            self._ring()
-            await self._alarm
-            timer.cancel()
+    async def beat(self) -> None:
+        if self._alarm is not None:  # something urgent follows soon
+            return
+        try:
+            await self._show()
+        except Exception:
+            self._acknowledged = self._is_new = True
+            self._shown, self._shown_s = None, self._sent_s
+            log.exception("A fleet page was not updated.")
 
     async def _show(self) -> None:
         """Send what changed, if it is due; else that nothing changed."""
@@ -209,18 +204,14 @@ class FleetConsumer(MessageSocket, FleetPage):
 
     def _ring(self) -> None:
         """Send soon, at the earliest `FAST_S` after the last message."""
-        if self._is_urgent and self._acknowledged and self._alarm is not None:
+        if self._is_urgent and self._acknowledged and self._alarm is None:
             wait_s = max(0.0, self._sent_s + FAST_S - time.monotonic())
-            _set_alarm(self._alarm, wait_s + self._place * min(FAST_S, SPREAD_S * len(board.pages)))
+            wait_s += self._place * min(FAST_S, SPREAD_S * len(board.pages))
+            self._alarm = asyncio.get_running_loop().call_later(wait_s, self._wake)
 
-
-def _set_alarm(alarm: asyncio.Future[None], after_s: float) -> asyncio.TimerHandle:
-    return asyncio.get_running_loop().call_later(after_s, _wake, alarm)
-
-
-def _wake(alarm: asyncio.Future[None]) -> None:
-    if not alarm.done():
-        alarm.set_result(None)
+    def _wake(self) -> None:
+        self._alarm = None
+        run_in_background(self.beat())
 
 
 def _with_slug(refusal: Refusal, slug: str) -> Refusal:

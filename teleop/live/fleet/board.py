@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from abc import abstractmethod
 from collections.abc import Collection
 from typing import Protocol
@@ -12,6 +13,7 @@ from uuid import UUID
 from django.db import DatabaseError
 
 from robots.registry.stored_robots import StoredRobots
+from robots.shared.processes.in_step import next_step
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SignIn
@@ -22,6 +24,8 @@ log = logging.getLogger(__name__)
 
 RIGHTS_S = 2.0
 LOOK_S = 0.5  # between two looks at what changes by time alone
+BEAT_S = 0.2  # between two messages to a page: it looks old after 0.5 s without one
+PAGES_IN_A_TURN = 10  # of the loop: it must not send to hundreds of pages in one
 
 
 class FleetPage(Protocol):
@@ -42,6 +46,10 @@ class FleetPage(Protocol):
     def card_changed(self, urgent: bool) -> None:
         """Note that a card is new, perhaps one that it does not show."""
 
+    @abstractmethod
+    async def beat(self) -> None:
+        """Send what is new, or that nothing is."""
+
 
 class Board:
     """Works while a page is open."""
@@ -60,7 +68,8 @@ class Board:
         """Add a page; it follows its first sight before this returns."""
         if not self.pages:
             self._reading, self._next_read, self._asked = asyncio.Lock(), None, set()
-            self._loops = [run_in_background(self._keep_reading()), run_in_background(self._keep_looking())]
+            loops = self._keep_reading(), self._keep_looking(), self._keep_beating()
+            self._loops = [run_in_background(loop) for loop in loops]
         self.pages.add(page)
         await page.follow((await self._sights({page.person})).get(page.person))
 
@@ -131,13 +140,28 @@ class Board:
 
     async def _keep_looking(self) -> None:
         while True:
-            await asyncio.sleep(LOOK_S)
+            await _step(LOOK_S)
             for card in list(self._cards.values()):
                 card.look()
+
+    async def _keep_beating(self) -> None:
+        """Beat for all pages: a timer and a task of each page would cost more than what they send."""
+        while True:
+            await _step(BEAT_S)
+            for number, page in enumerate(list(self.pages), 1):
+                if page in self.pages:
+                    await page.beat()
+                if number % PAGES_IN_A_TURN == 0:
+                    await asyncio.sleep(0)
 
     def _card_changed(self, urgent: bool) -> None:
         for page in self.pages:
             page.card_changed(urgent)
+
+
+async def _step(pace_s: float) -> None:
+    now_s = time.monotonic()
+    await asyncio.sleep(next_step(now_s, pace_s) - now_s)
 
 
 async def _follow(page: FleetPage, sight: Sight | None) -> None:
