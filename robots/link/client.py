@@ -18,6 +18,7 @@ from contextlib import suppress
 from functools import cache
 from typing import TypeVar, get_args
 from uuid import UUID
+from weakref import WeakKeyDictionary
 
 import msgspec
 from msgspec import Struct, structs
@@ -40,6 +41,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.link.lane import Lane
 from robots.shared.link.pending_stops import PendingStops, WaitingStop, name_of
+from robots.shared.processes.in_step import next_step
 from robots.shared.processes.overload import LATE_S
 from robots.shared.sentences import say
 from robots.shared.wire import Accepted, Ended, Refusal, Refused, State, Stopped
@@ -133,6 +135,7 @@ class BridgeLink:
     def __init__(self, robot_id: UUID, address: LinkAddress, stops: PendingStops | None = None) -> None:
         self._stops = stops or PendingStops(None)
         self.robot_id = robot_id
+        self._name = name_of(robot_id)
         self.address = address
         self.up = False
         self.refusal: Refusal | None = down(self.address)
@@ -370,8 +373,9 @@ class BridgeLink:
         return asyncio.get_running_loop().call_later(LINGER_S, self._end)
 
     def _schedule_lateness_check(self) -> asyncio.TimerHandle:
-        due_s = time.monotonic() + _LATENESS_CHECK_S
-        return asyncio.get_running_loop().call_later(_LATENESS_CHECK_S, self._check_lateness, due_s)
+        now_s = time.monotonic()
+        due_s = next_step(now_s, _LATENESS_CHECK_S)
+        return asyncio.get_running_loop().call_later(due_s - now_s, self._check_lateness, due_s)
 
     def _check_lateness(self, due_s: float) -> None:
         """Report to the bridge that this loop is late, so that the bridge does not count it as the operator's delay."""
@@ -437,14 +441,15 @@ class BridgeLink:
 
     async def _waiting_stops(self) -> list[WaitingStop]:
         """Return the pending stops of this robot from all processes, the newest last."""
-        return await asyncio.to_thread(self._stops.of, name_of(self.robot_id))
+        return await asyncio.to_thread(self._stops.of, self._name)
 
     async def _keep_delivering(self) -> None:
         """Deliver pending stops over this link too: a frozen bridge reads them as soon as it continues."""
         while True:
-            await asyncio.sleep(WAITING_PACE_S)
+            now_s = time.monotonic()
+            await asyncio.sleep(next_step(now_s, WAITING_PACE_S) - now_s)
             try:
-                waiting = (await self._waiting_stops())[-1:]
+                waiting = [stop for stop in await _look(self._stops) if stop.name == self._name][-1:]
                 self._report_pending(waiting[0].on_wire() if waiting else None)
                 for stop in waiting:
                     await self._deliver(stop)
@@ -671,6 +676,17 @@ def require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> N
 def _log_wrong_robot(place: str, robot_id: UUID, slug: str) -> None:
     """Log the wrong robot only once, because each attempt to connect finds it again."""
     log.error("the bridge address %s of robot %s belongs to the bridge of %s", place, robot_id, slug)
+
+
+_looks: WeakKeyDictionary[PendingStops, asyncio.Task[list[WaitingStop]]] = WeakKeyDictionary()
+
+
+async def _look(stops: PendingStops) -> list[WaitingStop]:
+    """Return all pending stops. Links that look at the same time share one look, and one thread."""
+    look = _looks.get(stops)
+    if look is None or look.done():
+        look = _looks[stops] = asyncio.create_task(asyncio.to_thread(stops.all))
+    return await asyncio.shield(look)
 
 
 async def _await_answer(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:
